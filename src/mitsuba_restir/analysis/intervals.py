@@ -1,0 +1,239 @@
+"""How sure a number is: bootstrap and jackknife intervals over runs, paired differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from .images import FloatArray, finite
+
+Statistic = Callable[[FloatArray], float]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """
+    A value with its confidence interval.
+
+    Fields
+    ------
+    value : float
+        The estimate from all runs.
+    low, high : float
+        Ends of the interval.
+    standard_error : float
+        Standard error of the value.
+    level : float
+        Coverage aimed at, e.g. 0.95.
+    """
+
+    value: float
+    low: float
+    high: float
+    standard_error: float
+    level: float = 0.95
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """
+    Difference of two variants that were measured on the same runs.
+
+    Fields
+    ------
+    difference : Interval
+        Mean of first - second, with Student's interval.
+    p_value : float
+        Two-sided, by sign flips: all that is assumed is symmetry where there is no difference.
+    """
+
+    difference: Interval
+    p_value: float
+
+
+def _runs(values: ArrayLike, name: str = "The values", least: int = 2) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape[0] < least:
+        count = array.shape[0] if array.ndim else 0
+        raise ValueError(f"{name} come from {count} runs: an interval needs at least {least}.")
+    return finite(array, name, (array.ndim,))
+
+
+def _pair(first: ArrayLike, second: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    a, b = _runs(first, "The first values"), _runs(second, "The second values")
+    if a.shape != b.shape or a.ndim != 1:
+        raise ValueError(f"Paired values need one shape (K,), not {a.shape} and {b.shape}.")
+    return a, b
+
+
+def mean_interval(values: ArrayLike, *, level: float = 0.95) -> Interval:
+    """
+    Mean over runs with Student's interval.
+
+    Parameters
+    ----------
+    values : array_like, (K,)
+        One number of each independent run.
+    level : float
+        Coverage.
+    """
+    a = _runs(values)
+    error = float(a.std(ddof=1) / np.sqrt(a.size))
+    half = float(stats.t.isf((1.0 - level) / 2.0, a.size - 1)) * error
+    mean = float(a.mean())
+    return Interval(mean, mean - half, mean + half, error, level)
+
+
+def percentile_interval(value: float, draws: ArrayLike, *, level: float = 0.95) -> Interval:
+    """Interval between the percentiles of bootstrap draws of a value."""
+    d = np.asarray(draws, dtype=np.float64)
+    tail = 50.0 * (1.0 - level)
+    low, high = np.percentile(d, [tail, 100.0 - tail])
+    return Interval(float(value), float(low), float(high), float(d.std(ddof=1)), level)
+
+
+def resample_counts(runs: int, resamples: int, seed: int) -> FloatArray:
+    """
+    How often each run occurs in each bootstrap resample.
+
+    Returns
+    -------
+    ndarray, (resamples, runs)
+        Every row sums to `runs`.
+    """
+    rng = np.random.default_rng(seed)
+    return rng.multinomial(runs, np.full(runs, 1.0 / runs), size=resamples).astype(np.float64)
+
+
+def bootstrap_interval(
+    values: ArrayLike,
+    statistic: Statistic | None = None,
+    *,
+    level: float = 0.95,
+    resamples: int = 2000,
+    seed: int = 0,
+) -> Interval:
+    """
+    Percentile bootstrap over runs.
+
+    Parameters
+    ----------
+    values : array_like, (K, ...)
+        One entry of each independent run.
+    statistic : callable, optional
+        Maps resampled values (K, ...) to a number; the mean by default.
+    level : float
+        Coverage. With fewer than about 15 runs the percentile interval is too short;
+        `mean_interval` and `ratio_interval` are better there.
+    resamples, seed : int
+        Number of resamples, and what fixes them.
+    """
+    a = _runs(values)
+    if statistic is None:
+        # All resamples of a mean at once: many times faster than the loop below.
+        flat = a.reshape(a.shape[0], -1).mean(axis=1)
+        draws = resample_counts(a.shape[0], resamples, seed) @ flat / a.shape[0]
+        return percentile_interval(float(flat.mean()), draws, level=level)
+    rng = np.random.default_rng(seed)
+    picks = rng.integers(0, a.shape[0], size=(resamples, a.shape[0]))
+    return percentile_interval(statistic(a), [statistic(a[p]) for p in picks], level=level)
+
+
+def ratio_interval(
+    first: ArrayLike, second: ArrayLike, *, paired: bool = True, level: float = 0.95
+) -> Interval:
+    """
+    Ratio of two means, mean(first) / mean(second), with a jackknife interval of its logarithm.
+
+    The jackknife with Student's quantile holds its coverage at the 8 to 10 runs that are usual
+    here, where the bootstrap's interval is too short.
+
+    Parameters
+    ----------
+    first, second : array_like, (K,)
+        Values of K runs each, with positive means.
+    paired : bool
+        Entry k of both comes from the same run (seed) k; else the runs are independent.
+
+    Raises
+    ------
+    ValueError
+        If a mean, over all runs or all but one, is not positive.
+    """
+    a, b = _runs(first, "The first values"), _runs(second, "The second values")
+    if paired:
+        a, b = _pair(a, b)
+    log_a, log_b = _log_leave_one_out(a), _log_leave_one_out(b)
+    ratio = float(a.mean() / b.mean())
+    if paired:
+        error, freedom = _jackknife_error(log_a - log_b), a.size - 1
+    else:
+        error = float(np.hypot(_jackknife_error(log_a), _jackknife_error(log_b)))
+        freedom = min(a.size, b.size) - 1
+    half = float(stats.t.isf((1.0 - level) / 2.0, freedom)) * error
+    low, high = ratio * np.exp(-half), ratio * np.exp(half)
+    return Interval(ratio, float(low), float(high), ratio * error, level)
+
+
+def jackknife_interval(values: ArrayLike, statistic: Statistic, *, level: float = 0.95) -> Interval:
+    """
+    A smooth statistic of runs with its jackknife error and Student's interval.
+
+    Parameters
+    ----------
+    values : array_like, (K, ...)
+        One entry of each independent run.
+    statistic : callable
+        Maps values (K', ...) to a number.
+    """
+    a = _runs(values)
+    left_out = np.array([statistic(np.delete(a, k, axis=0)) for k in range(a.shape[0])])
+    value, error = statistic(a), _jackknife_error(left_out)
+    half = float(stats.t.isf((1.0 - level) / 2.0, a.shape[0] - 1)) * error
+    return Interval(float(value), value - half, value + half, error, level)
+
+
+def _log_leave_one_out(values: FloatArray) -> FloatArray:
+    means = (values.sum() - values) / (values.size - 1)
+    if not (means.min() > 0.0 and values.mean() > 0.0):
+        raise ValueError("A ratio needs positive means over all runs and over all but any one.")
+    return np.asarray(np.log(means))
+
+
+def _jackknife_error(left_out: FloatArray) -> float:
+    n = left_out.size
+    return float(np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean()) ** 2)))
+
+
+def paired_difference(
+    first: ArrayLike, second: ArrayLike, *, level: float = 0.95, seed: int = 0
+) -> PairedDifference:
+    """
+    Mean difference of two variants over common runs, with an interval and a paired test.
+
+    Parameters
+    ----------
+    first, second : array_like, (K,)
+        Entry k of both comes from the same run (seed) k.
+    level : float
+        Coverage of the interval.
+    seed : int
+        Fixes the sign flips, of which at most 9999 are drawn (all of them where 2^K is smaller).
+    """
+    a, b = _pair(first, second)
+    test = stats.permutation_test(
+        (a - b,),
+        lambda d, axis: np.mean(d, axis=axis),
+        permutation_type="samples",
+        n_resamples=9999,
+        vectorized=True,
+        rng=np.random.default_rng(seed),
+    )
+    return PairedDifference(mean_interval(a - b, level=level), float(test.pvalue))
