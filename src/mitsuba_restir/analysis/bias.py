@@ -78,16 +78,15 @@ def mean_test(
     count = x.shape[0]
     (sums, pixels), r_sums = block_sums(x, block), block_sums(r, block)[0]
     unit, target = sums / pixels, r_sums / pixels
-    own = unit.var(axis=0, ddof=1)
+    own = unit.var(axis=0, ddof=1) / count
+    nearby = ndimage.uniform_filter(own, (_WINDOW, _WINDOW, 1), mode="nearest")
     if block == 1:
-        window = (_WINDOW, _WINDOW, 1)
-        own = np.maximum(own, _LOCAL_SHARE * ndimage.uniform_filter(own, window, mode="nearest"))
-    own = own / count
+        own = np.maximum(own, _LOCAL_SHARE * nearby)
     known = block_sums(variance, block)[0] / pixels**2
     scale = np.abs(target) + 0.01 * float(np.abs(r).mean())
-    spread = own + known
     # Never zero, also where the whole image and its reference are black.
-    error = np.maximum(np.sqrt(spread), np.maximum(floor * scale, 1e-30))
+    least = np.maximum(floor * scale, 1e-30)
+    error = np.maximum(np.sqrt(own + known), least)
     freedom = _welch(own, known, count, reference_batches)
     difference = unit.mean(axis=0) - target
     t = difference / error
@@ -95,7 +94,9 @@ def mean_test(
     each = sidak(alpha, t.size)
     threshold = stats.t.isf(0.5 * each, freedom)
     relative = np.divide(difference, scale, out=np.zeros_like(scale), where=scale > 0.0)
-    detectable = detectable_error(target, error, threshold, freedom)
+    # Units whose variance happened to come out small would promise a power that is not there.
+    typical = np.maximum(np.sqrt(np.maximum(own, nearby) + known), least)
+    detectable = detectable_error(target, typical, threshold, freedom)
     return BiasTest(block, count, t, p, relative, alpha, each, detectable)
 
 

@@ -31,7 +31,8 @@ class BiasTest:
     alpha_each : float
         The Sidak-corrected level of each unit.
     detectable : float
-        Smallest relative error of all values that is found with probability 0.99.
+        Estimate of the smallest relative error, common to all values, that is found with
+        probability 0.99.
     """
 
     block: int | None
