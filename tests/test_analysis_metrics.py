@@ -23,7 +23,7 @@ def pair() -> tuple[np.ndarray, np.ndarray]:
 def test_luminance_has_the_weights_of_mitsuba() -> None:
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("llvm_ad_rgb")
-    theirs = [float(mi.luminance(mi.Color3f(*row))[0]) for row in np.eye(3)]
+    theirs = [float(mi.luminance(mi.Color3f(*row.tolist()))[0]) for row in np.eye(3)]
     np.testing.assert_allclose(LUMINANCE_WEIGHTS, theirs, rtol=1e-6)
 
 

@@ -1,0 +1,247 @@
+"""Power spectra of errors: where in frequency the noise lies.
+
+Always of the relative error, never of the image, whose own content would dominate. White noise of
+variance s² has power s² at every frequency. Frequencies are in cycles/pixel, 0 to 0.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import signal
+
+from .images import FloatArray, finite, luminance, smoothed_reference
+from .intervals import Interval, mean_interval, ratio_interval
+
+Window = Literal["hann", "none"]
+Band = tuple[float, float]
+
+FINE_BANDS: tuple[Band, ...] = (
+    (0.008, 0.02),
+    (0.02, 0.035),
+    (0.035, 0.06),
+    (0.06, 0.1),
+    (0.1, 0.17),
+    (0.17, 0.25),
+    (0.25, 0.5),
+)
+# Reuse leaves its blotches in the first; blue noise is judged in the second.
+TABLE_BANDS: tuple[Band, ...] = ((0.02, 0.06), (0.06, 0.17))
+
+
+def relative_error(
+    image: ArrayLike,
+    reference: ArrayLike,
+    *,
+    sigma: float = 8.0,
+    epsilon: float = 0.01,
+    clip: float | None = None,
+) -> FloatArray:
+    """
+    Relative error of the luminance, (Y_I - Y_R) / (smoothed Y_R + constant).
+
+    Parameters
+    ----------
+    image, reference : array_like, (H, W) or (H, W, C)
+    sigma, epsilon : float
+        Of `smoothed_reference`.
+    clip : float, optional
+        Clip to [-clip, clip]: one firefly is white noise at a power that hides everything else.
+        State it with the result.
+
+    Returns
+    -------
+    ndarray, (H, W)
+    """
+    y, r = luminance(image), luminance(reference)
+    if y.shape != r.shape:
+        raise ValueError(f"The image has {y.shape} pixels but the reference has {r.shape}.")
+    error = (y - r) / smoothed_reference(r, sigma=sigma, epsilon=epsilon)
+    return error if clip is None else np.clip(error, -clip, clip)
+
+
+def power_spectrum(errors: ArrayLike, *, window: Window = "hann") -> FloatArray:
+    """
+    Power P(f) = |sum_p h(p) (e(p) - mean e) exp(-2 pi i f.p)|² / sum h², averaged over frames.
+
+    Parameters
+    ----------
+    errors : array_like, (H, W) or (F, H, W)
+        Error images.
+    window : {"hann", "none"}
+        h: a Hann window, or 1 for periodic images such as masks.
+
+    Returns
+    -------
+    ndarray, (H, W)
+        In the order of `np.fft.fft2`: entry (0, 0) is the constant.
+    """
+    e = finite(errors, "The errors", (2, 3))
+    e = e[None] if e.ndim == 2 else e
+    h = np.ones(e.shape[1:])
+    if window == "hann":
+        rows, columns = (signal.windows.hann(n, sym=False) for n in e.shape[1:])
+        h = np.outer(rows, columns)
+    elif window != "none":
+        raise ValueError(f"The window is 'hann' or 'none', not {window!r}.")
+    centred = e - e.mean(axis=(1, 2), keepdims=True)
+    power = np.zeros(e.shape[1:])
+    for frame in centred:
+        power += np.abs(np.fft.fft2(h * frame)) ** 2
+    return power / (len(e) * np.sum(h**2))
+
+
+def frequencies(shape: tuple[int, ...]) -> FloatArray:
+    """Distance from the origin, in cycles/pixel, of each entry of an (H, W) power spectrum."""
+    rows, columns = (np.fft.fftfreq(n) for n in shape)
+    return np.hypot(rows[:, None], columns[None, :])
+
+
+@dataclass(frozen=True)
+class RadialSpectrum:
+    """
+    A power spectrum by distance from the origin.
+
+    Fields
+    ------
+    frequency : ndarray, (n,)
+        Mean frequency of each ring in cycles/pixel, up to 0.5.
+    power : ndarray, (n,)
+        Mean power.
+    anisotropy : ndarray, (n,)
+        sum (P - mean)² / ((n - 1) mean²) in the ring; 1/K in expectation for isotropic noise and K
+        independent images.
+    count : ndarray, (n,)
+        Entries in the ring.
+    """
+
+    frequency: FloatArray
+    power: FloatArray
+    anisotropy: FloatArray
+    count: FloatArray
+
+    def anisotropy_decibel(self, images: int) -> FloatArray:
+        """10 log10(images * anisotropy): 0 dB is isotropic, above 3 dB is worth a look."""
+        with np.errstate(divide="ignore"):
+            return 10.0 * np.log10(images * self.anisotropy)
+
+
+def radial_spectrum(power: ArrayLike) -> RadialSpectrum:
+    """
+    Mean power and anisotropy in rings of width 1/N cycles/pixel, N the shorter side.
+
+    Parameters
+    ----------
+    power : array_like, (H, W)
+        Of `power_spectrum`. The constant is left out.
+    """
+    p = finite(power, "The power spectrum", (2,))
+    f = frequencies(p.shape)
+    ring = np.rint(f * min(p.shape)).astype(np.intp)
+    inside = (f > 0.0) & (f <= 0.5)
+    index, values = ring[inside], p[inside]
+    size = int(index.max()) + 1
+    count = np.bincount(index, minlength=size).astype(np.float64)
+    used = count > 0
+    safe = np.maximum(count, 1.0)
+    mean = np.bincount(index, values, minlength=size) / safe
+    spread = np.bincount(index, (values - mean[index]) ** 2, minlength=size)
+    below = np.maximum(count - 1.0, 1.0) * mean**2
+    anisotropy = np.divide(spread, below, out=np.zeros_like(spread), where=below > 0.0)
+    frequency = np.bincount(index, f[inside], minlength=size) / safe
+    return RadialSpectrum(frequency[used], mean[used], anisotropy[used], count[used])
+
+
+def band_power(power: ArrayLike, bands: Sequence[Band] = FINE_BANDS) -> FloatArray:
+    """
+    Mean power in each band low <= |f| < high; a band that ends at 0.5 includes it.
+
+    Parameters
+    ----------
+    power : array_like, (..., H, W)
+        One spectrum, or one of each chain.
+    bands : sequence of (float, float)
+        Limits in cycles/pixel.
+
+    Returns
+    -------
+    ndarray, (..., B)
+
+    Raises
+    ------
+    ValueError
+        If a band is empty at this image size, or its limits are out of order.
+    """
+    p = np.asarray(power, dtype=np.float64)
+    f = frequencies(p.shape[-2:])
+    means = []
+    for low, high in bands:
+        if not 0.0 <= low < high <= 0.5:
+            raise ValueError(f"A band needs 0 <= low < high <= 0.5 cycles/pixel, not {low}-{high}.")
+        inside = (f >= low) & ((f < high) | ((f <= high) & (high == 0.5))) & (f > 0.0)
+        if not inside.any():
+            raise ValueError(
+                f"No frequency of a {p.shape[-1]}x{p.shape[-2]} image lies in {low}-{high} "
+                "cycles/pixel."
+            )
+        means.append(p[..., inside].mean(axis=-1))
+    return np.stack(means, axis=-1)
+
+
+def low_frequency_share(power: ArrayLike, *, limit: float = 0.125) -> float:
+    """
+    Mean power up to `limit` over the mean power of all frequencies: 1 for white noise.
+
+    Adding noise at high frequencies lowers it too: always show the absolute power beside it.
+    """
+    p = finite(power, "The power spectrum", (2,))
+    f = frequencies(p.shape)
+    return float(p[(f > 0.0) & (f <= limit)].mean() / p[f > 0.0].mean())
+
+
+@dataclass(frozen=True)
+class BandPower:
+    """Absolute power of one band, and its ratio to the baseline's (None without a baseline)."""
+
+    band: Band
+    power: Interval
+    ratio: Interval | None
+
+
+def compare_bands(
+    power: ArrayLike,
+    baseline: ArrayLike | None = None,
+    *,
+    bands: Sequence[Band] = FINE_BANDS,
+    paired: bool = True,
+    level: float = 0.95,
+) -> list[BandPower]:
+    """
+    Power by band with intervals over independent chains, beside a baseline.
+
+    Parameters
+    ----------
+    power, baseline : array_like, (K, H, W)
+        The mean power spectrum of each chain's frames. Frames of one chain are correlated, so the
+        chain is the unit of the statistics.
+    bands : sequence of (float, float)
+        Limits in cycles/pixel.
+    paired : bool
+        Chain k of both has the same seeds.
+    """
+    own = band_power(power, bands)
+    base = None if baseline is None else band_power(baseline, bands)
+    return [
+        BandPower(
+            (float(band[0]), float(band[1])),
+            mean_interval(own[:, i], level=level),
+            None
+            if base is None
+            else ratio_interval(own[:, i], base[:, i], paired=paired, level=level),
+        )
+        for i, band in enumerate(bands)
+    ]

@@ -1,0 +1,187 @@
+"""Covariance of independent runs against brute force, NumPy and fields of known covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from mitsuba_restir.analysis import covariance, covariance_images
+from mitsuba_restir.analysis.images import LUMINANCE_WEIGHTS, smoothed_reference
+
+RADIUS = 2
+
+
+def _brute_force(runs: np.ndarray, reference: np.ndarray, radius: int) -> tuple[float, float]:
+    """The definition, pixel by pixel: mean over the window without and with the pixel itself."""
+    count, height, width = runs.shape
+    scale = smoothed_reference(reference)
+    means = runs.mean(axis=0)
+    without, including = [], []
+    for y in range(height):
+        for x in range(width):
+            others, everyone = [], []
+            for v in range(max(y - radius, 0), min(y + radius + 1, height)):
+                for u in range(max(x - radius, 0), min(x + radius + 1, width)):
+                    total = 0.0
+                    for image in runs:
+                        total += (image[y, x] - means[y, x]) * (image[v, u] - means[v, u])
+                    c = total / (count - 1) / (scale[y, x] * scale[v, u])
+                    everyone.append(c)
+                    if (v, u) != (y, x):
+                        others.append(c)
+            without.append(np.mean(others))
+            including.append(np.mean(everyone))
+    return float(np.mean(without)), float(np.mean(including))
+
+
+@pytest.fixture
+def field() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(1)
+    reference = 0.5 + rng.random((9, 11))
+    noise = ndimage.gaussian_filter(rng.normal(size=(6, 9, 11)), (0, 1, 1))
+    return reference * (1.0 + noise), reference
+
+
+def test_against_brute_force(field: tuple[np.ndarray, np.ndarray]) -> None:
+    runs, reference = field
+    found = covariance.relative_covariance(runs, reference, radius=RADIUS, resamples=50)
+    without, including = _brute_force(runs, reference, RADIUS)
+    assert found.covariance.value == pytest.approx(without, rel=1e-10)
+    assert found.with_self.value == pytest.approx(including, rel=1e-10)
+    variance = (runs.var(axis=0, ddof=1) / smoothed_reference(reference) ** 2).mean()
+    assert found.variance.value == pytest.approx(variance, rel=1e-10)
+    assert found.normalised.value == pytest.approx(without / variance, rel=1e-10)
+    assert (found.radius, found.runs) == (RADIUS, 6)
+
+
+def test_colour_is_luminance(field: tuple[np.ndarray, np.ndarray]) -> None:
+    runs, reference = field
+    tint = np.array([1.2, 0.9, 0.7])
+    grey = float(tint @ LUMINANCE_WEIGHTS)
+    colour = covariance.relative_covariance(runs[..., None] * tint, reference[..., None] * tint)
+    plain = covariance.relative_covariance(grey * runs, grey * reference)
+    assert colour.covariance.value == pytest.approx(plain.covariance.value)
+
+
+def test_images_against_numpy(field: tuple[np.ndarray, np.ndarray]) -> None:
+    runs, reference = field
+    scale = smoothed_reference(reference)
+    full = np.cov((runs / scale).reshape(6, -1), rowvar=False).reshape(9, 11, 9, 11)
+    about = covariance_images.pixel_covariance(runs, reference, (4, 7))
+    np.testing.assert_allclose(about, full[4, 7], rtol=1e-9, atol=1e-14)
+    lags = covariance_images.lag_covariance(runs, reference, radius=RADIUS)
+    for dy in range(-RADIUS, RADIUS + 1):
+        for dx in range(-RADIUS, RADIUS + 1):
+            pairs = [
+                full[y, x, y + dy, x + dx]
+                for y in range(max(0, -dy), min(9, 9 - dy))
+                for x in range(max(0, -dx), min(11, 11 - dx))
+            ]
+            assert lags[RADIUS + dy, RADIUS + dx] == pytest.approx(np.mean(pairs), rel=1e-9)
+    window = covariance_images.covariance_map(runs, reference, radius=RADIUS)
+    total = covariance.relative_covariance(runs, reference, radius=RADIUS, resamples=10)
+    assert window.mean() == pytest.approx(total.covariance.value, rel=1e-10)
+    corner = full[0, 0, : RADIUS + 1, : RADIUS + 1].sum() - full[0, 0, 0, 0]
+    assert window[0, 0] == pytest.approx(corner / ((RADIUS + 1) ** 2 - 1), rel=1e-9)
+
+
+def test_bootstrap_resamples_whole_runs(field: tuple[np.ndarray, np.ndarray]) -> None:
+    """A resample's covariance from inner products is that of the resampled images themselves."""
+    runs, reference = field
+    deviations = covariance.relative_deviations(runs, reference)
+    gram = covariance._Gram.of(deviations, RADIUS)
+    counts = np.array([2, 0, 1, 1, 0, 2])
+    drawn = np.repeat(runs, counts, axis=0)
+    expected = covariance.relative_covariance(drawn, reference, radius=RADIUS, resamples=10)
+    found = gram.draws(counts[None].astype(float))
+    assert found[0][0] == pytest.approx(expected.covariance.value, rel=1e-9)
+    assert found[1][0] == pytest.approx(expected.with_self.value, rel=1e-9)
+    assert found[2][0] == pytest.approx(expected.variance.value, rel=1e-9)
+
+
+def _blotches(rng: np.random.Generator, count: int, share: float) -> np.ndarray:
+    """Runs with relative variance 1 and covariance `share` within 4x4 blocks, 0 between them."""
+    common = rng.normal(size=(count, 8, 8)).repeat(4, axis=1).repeat(4, axis=2)
+    return 1.0 + np.sqrt(share) * common + np.sqrt(1 - share) * rng.normal(size=common.shape)
+
+
+def test_intervals_cover_the_known_covariance() -> None:
+    rng = np.random.default_rng(2)
+    reference = np.ones((32, 32))
+    scale = 1.01**2
+    lag = np.zeros((32, 32, 32, 32))
+    owner = np.arange(32) // 4
+    same = owner[:, None] == owner[None, :]
+    lag[...] = 0.3 * (same[:, None, :, None] & same[None, :, None, :])
+    near = np.abs(np.arange(32)[:, None] - np.arange(32)[None, :]) <= RADIUS
+    window = near[:, None, :, None] & near[None, :, None, :]
+    counts = window.sum(axis=(2, 3)) - 1
+    truth = ((lag * window).sum(axis=(2, 3)) - 0.3) / counts
+    expected = float(truth.mean()) / scale
+    hits = 0
+    for trial in range(100):
+        found = covariance.relative_covariance(
+            _blotches(rng, 32, 0.3), reference, radius=RADIUS, resamples=400, seed=trial
+        )
+        hits += found.covariance.low <= expected <= found.covariance.high
+    assert 85 <= hits <= 100
+
+
+def test_white_noise_has_no_covariance() -> None:
+    rng = np.random.default_rng(3)
+    found = covariance.relative_covariance(rng.normal(1.0, 0.5, (32, 40, 40)), np.ones((40, 40)))
+    assert found.covariance.low <= 0.0 <= found.covariance.high
+    assert found.variance.value == pytest.approx(0.25 / 1.01**2, rel=0.03)
+
+
+def test_ratio_of_paired_variants() -> None:
+    rng = np.random.default_rng(4)
+    reference = np.ones((32, 32))
+    common = rng.normal(size=(32, 8, 8)).repeat(4, axis=1).repeat(4, axis=2)
+    white = rng.normal(size=(2, *common.shape))
+    first, second = 1 + 0.8 * common + 0.3 * white[0], 1 + common + 0.3 * white[1]
+    paired = covariance.covariance_ratio(first, second, reference, radius=RADIUS)
+    apart = covariance.covariance_ratio(first, second, reference, radius=RADIUS, paired=False)
+    assert paired.low <= 0.64 <= paired.high
+    assert paired.value == apart.value
+    assert paired.standard_error < 0.5 * apart.standard_error
+
+
+def test_temporal_covariance() -> None:
+    rng = np.random.default_rng(5)
+    frames = np.zeros((24, 6, 16, 16))
+    frames[:, 0] = rng.normal(size=(24, 16, 16))
+    for t in range(1, 6):
+        frames[:, t] = 0.8 * frames[:, t - 1] + 0.6 * rng.normal(size=(24, 16, 16))
+    reference = np.ones((16, 16))
+    for lag, expected in ((0, 1.0), (1, 0.8), (2, 0.64)):
+        found = covariance.temporal_covariance(1.0 + frames, reference, lag=lag)
+        assert found.value * 1.01**2 == pytest.approx(expected, abs=0.05)
+        direct = [
+            (
+                (frames[:, t] - frames[:, t].mean(axis=0))
+                * (frames[:, t + lag] - frames[:, t + lag].mean(axis=0))
+            ).sum(axis=0)
+            / 23
+            for t in range(6 - lag)
+        ]
+        assert found.value * 1.01**2 == pytest.approx(np.mean(direct), rel=1e-9)
+
+
+def test_bad_input(field: tuple[np.ndarray, np.ndarray]) -> None:
+    runs, reference = field
+    with pytest.raises(ValueError, match="at least 2"):
+        covariance.relative_covariance(runs[:1], reference)
+    with pytest.raises(ValueError, match="pixels"):
+        covariance.relative_covariance(runs, reference[:4])
+    with pytest.raises(ValueError, match="radius"):
+        covariance.relative_covariance(runs, reference, radius=0)
+    with pytest.raises(ValueError, match="radius"):
+        covariance_images.lag_covariance(runs, reference, radius=9)
+    with pytest.raises(ValueError, match="outside"):
+        covariance_images.pixel_covariance(runs, reference, (9, 0))
+    with pytest.raises(ValueError, match="equal numbers"):
+        covariance.covariance_ratio(runs, runs[:4], reference)
+    with pytest.raises(ValueError, match="lag"):
+        covariance.temporal_covariance(runs[None], reference, lag=6)
