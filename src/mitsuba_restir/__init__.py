@@ -1,0 +1,39 @@
+"""ReSTIR path tracing for Mitsuba 3.
+
+Importing this package makes an LLVM findable and registers the ``restir_pt`` integrator for the
+current variant and for every variant chosen later.
+"""
+
+from __future__ import annotations
+
+import sys as _sys
+import warnings as _warnings
+
+from . import llvm as _llvm
+
+__version__ = "0.1.0"
+
+_imported_first = "drjit" not in _sys.modules
+_chosen = _llvm.provide()
+
+import drjit as _dr  # noqa: E402 -- Dr.Jit loads LLVM at import: it has to be chosen by then
+import mitsuba as _mi  # noqa: E402
+
+
+def _on_variant_change(previous: str | None, current: str) -> None:
+    from . import integrators
+
+    integrators.register()
+
+
+def _start() -> None:
+    if not _imported_first:
+        message = _llvm.too_late_message(_dr.detail.llvm_version(), _chosen)
+        if message:
+            _warnings.warn(message, RuntimeWarning, stacklevel=3)
+    _mi.detail.add_variant_callback(_on_variant_change)
+    if _mi.variant() is not None:
+        _on_variant_change(None, _mi.variant())
+
+
+_start()

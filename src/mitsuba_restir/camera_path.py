@@ -1,0 +1,178 @@
+"""Camera paths: keyframes from a JSON or TOML file, interpolated per frame."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import UsageError, one_line
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+DEFAULT_FPS = 24.0
+_KEYS = ("frame", "time", "origin", "target", "up", "fov")
+_TOP_KEYS = ("fps", "keyframes")
+
+
+@dataclass(frozen=True)
+class Pose:
+    """
+    A camera at one frame, in scene units.
+
+    Fields
+    ------
+    origin, target, up : arrays of 3
+        As in Mitsuba's ``look_at``.
+    fov : float or None
+        Horizontal field of view in degrees; None keeps the sensor's.
+    """
+
+    origin: npt.NDArray[np.float64]
+    target: npt.NDArray[np.float64]
+    up: npt.NDArray[np.float64]
+    fov: float | None
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """
+    Keyframes with linear interpolation between them; the ends are held.
+
+    Fields
+    ------
+    frames : array, (K,)
+        Frame numbers, strictly increasing; fractions are allowed.
+    vectors : array, (K, 3, 3)
+        Origin, target and up of each keyframe.
+    fovs : array, (K,), or None
+        Horizontal field of view in degrees.
+    """
+
+    frames: npt.NDArray[np.float64]
+    vectors: npt.NDArray[np.float64]
+    fovs: npt.NDArray[np.float64] | None
+
+    @property
+    def length(self) -> int:
+        """Number of frames up to and including the last keyframe."""
+        return int(np.floor(self.frames[-1])) + 1
+
+    def pose(self, frame: float) -> Pose:
+        """Interpolate the camera at a frame."""
+        flat = self.vectors.reshape(len(self.frames), 9)
+        values = [np.interp(frame, self.frames, column) for column in flat.T]
+        origin, target, up = np.array(values).reshape(3, 3)
+        fov = None if self.fovs is None else float(np.interp(frame, self.frames, self.fovs))
+        return Pose(origin, target, up, fov)
+
+
+def load(path: Path) -> CameraPath:
+    """
+    Read a camera path.
+
+    Raises
+    ------
+    UsageError
+        The file is missing, is neither JSON nor TOML, or a keyframe is wrong; says which.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise UsageError(f"cannot read the camera path {path}: {reason}") from error
+    try:
+        if path.suffix.lower() == ".json":
+            data = json.loads(text)
+        elif path.suffix.lower() == ".toml":
+            data = tomllib.loads(text)
+        else:
+            raise UsageError(f"the camera path {path} must be a .json or a .toml file")
+    except ValueError as error:
+        raise UsageError(f"the camera path {path} cannot be parsed: {one_line(error)}") from error
+    try:
+        return from_data(data)
+    except UsageError as error:
+        raise UsageError(f"camera path {path}: {error}") from error
+
+
+def from_data(data: Any) -> CameraPath:
+    """
+    Build a camera path from ``{"fps": 24, "keyframes": [{"frame": 0, "origin": [..], ..}, ..]}``.
+
+    Each keyframe has ``frame`` or ``time`` (seconds, times ``fps``), ``origin``, ``target`` and
+    optionally ``up`` (0, 1, 0) and ``fov`` (horizontal, degrees; in all keyframes or in none).
+
+    Raises
+    ------
+    UsageError
+        Something is missing or wrong; says where and what is allowed.
+    """
+    if not isinstance(data, Mapping) or not isinstance(data.get("keyframes"), Sequence):
+        raise UsageError("a list 'keyframes' is needed at the top level")
+    _refuse_unknown(data, _TOP_KEYS, "the top level")
+    fps = _number(data.get("fps", DEFAULT_FPS), "fps")
+    if not fps > 0:
+        raise UsageError(f"fps must be above 0, not {fps:g}")
+    keyframes = data["keyframes"]
+    if not keyframes:
+        raise UsageError("at least one keyframe is needed")
+    frames, vectors, fovs = [], [], []
+    for index, key in enumerate(keyframes):
+        where = f"keyframe {index}"
+        if not isinstance(key, Mapping):
+            raise UsageError(f"{where} must be a table of {', '.join(_KEYS)}")
+        _refuse_unknown(key, _KEYS, where)
+        if ("frame" in key) == ("time" in key):
+            raise UsageError(f"{where} needs either 'frame' or 'time'")
+        time = _number(key["time"], f"{where}: time") * fps if "time" in key else None
+        frames.append(_number(key["frame"], f"{where}: frame") if time is None else time)
+        vectors.append(_vectors(key, where))
+        if "fov" in key:
+            fovs.append(_fov(key["fov"], where))
+    if len(fovs) not in (0, len(frames)):
+        raise UsageError("'fov' must be given in all keyframes or in none")
+    if frames[0] < 0 or np.any(np.diff(frames) <= 0):
+        raise UsageError("the keyframes' times must not be negative and must increase")
+    return CameraPath(np.array(frames), np.array(vectors), np.array(fovs) if fovs else None)
+
+
+def _refuse_unknown(table: Mapping[str, Any], allowed: Sequence[str], where: str) -> None:
+    for name in table:
+        if name not in allowed:
+            raise UsageError(f"{where} has an unknown '{name}'; allowed are {', '.join(allowed)}")
+
+
+def _number(value: Any, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise UsageError(f"{what} must be a finite number, not {value!r}")
+    return float(value)
+
+
+def _fov(value: Any, where: str) -> float:
+    fov = _number(value, f"{where}: fov")
+    if not 0.0 < fov < 180.0:
+        raise UsageError(f"{where}: fov must be between 0 and 180 degrees, not {fov:g}")
+    return fov
+
+
+def _vectors(key: Mapping[str, Any], where: str) -> list[list[float]]:
+    vectors: list[list[float]] = []
+    for name in ("origin", "target", "up"):
+        value = key.get(name, [0, 1, 0] if name == "up" else None)
+        if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
+            raise UsageError(f"{where}: {name} must be a list of three numbers")
+        vectors.append([_number(entry, f"{where}: {name}") for entry in value])
+    origin, target, up = np.array(vectors)
+    if not np.any(np.abs(np.cross(target - origin, up)) > 1e-9):
+        raise UsageError(f"{where}: the view from origin to target must not be zero or along up")
+    return vectors

@@ -1,0 +1,91 @@
+"""Rendering frame after frame: warm-up, time budget, progress."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from ..imageio import Image
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """
+    How many frames to render.
+
+    Fields
+    ------
+    frames : int or None
+        Frames to keep; None goes on until the time is used up.
+    warmup : int
+        Frames rendered before them and thrown away.
+    time_budget : float or None
+        Seconds; no frame is begun that would, at the pace of the last one, end later.
+    """
+
+    frames: int | None
+    warmup: int = 0
+    time_budget: float | None = None
+
+
+def run_frames(
+    render: Callable[[int], Image],
+    schedule: Schedule,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Iterator[tuple[int, Image]]:
+    """
+    Render the frames of a schedule and yield those to keep.
+
+    The first frame to keep is rendered however small the budget is, so that there is a result.
+
+    Parameters
+    ----------
+    render : callable
+        Renders one frame; gets its number, negative during warm-up.
+    schedule : Schedule
+    clock : callable
+        Time in seconds.
+
+    Yields
+    ------
+    (int, array)
+        Frame number from 0, and its image.
+    """
+    budget = schedule.time_budget
+    begin = clock()
+    pace = 0.0
+    frame = -schedule.warmup
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[state]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        total = None if schedule.frames is None else schedule.warmup + schedule.frames
+        task = progress.add_task("rendering", total=budget if total is None else total, state="")
+        for done in itertools.count():
+            if schedule.frames is not None and frame >= schedule.frames:
+                return
+            elapsed = clock() - begin
+            if budget is not None and elapsed + pace > budget:
+                if frame > 0:
+                    return
+                frame = 0
+            state = "warm-up" if frame < 0 else f"frame {frame}"
+            if budget is not None:
+                state += f", {max(0.0, budget - elapsed):.0f} s of the budget left"
+            progress.update(task, completed=elapsed if total is None else done, state=state)
+            start = clock()
+            image = render(frame)
+            pace = clock() - start
+            if frame >= 0:
+                yield frame, image
+            frame += 1
