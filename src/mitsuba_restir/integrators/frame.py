@@ -1,0 +1,167 @@
+"""One frame: the sequence of passes, as a function of plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..passes.initial import initial
+from ..passes.primary import primary
+from ..passes.reproject import reproject
+from ..passes.shade import auxiliary, reservoir_color
+from ..passes.spatial import spatial
+from ..passes.temporal import temporal
+from ..paths.camera import Camera
+from ..paths.primary_hit import PrimaryHit, no_primary_hit
+from ..paths.settings import PathLimits
+from ..resampling.reservoir import Reservoir, empty_reservoir
+from ..shifts.mapping import ShiftMapping
+from .parameters import Parameters
+
+
+@dataclass
+class History:
+    """What a frame leaves to the next one: reservoirs and primary hits, one lane per pixel."""
+
+    reservoirs: Reservoir
+    hits: PrimaryHit
+
+
+@dataclass
+class Frame:
+    """A rendered frame.
+
+    Fields: ``color`` (``Color3f``), ``alpha`` (``Float``), ``auxiliary`` (list of ``Float``),
+    ``outcomes`` (list of ``UInt32``: shift outcomes of each reuse pass, 3 bits a shift), ``matched``
+    (``Bool``: pixels that found their history), ``history`` (:class:`History`).
+    """
+
+    color: Any
+    alpha: Any
+    auxiliary: list[Any]
+    outcomes: list[Any]
+    matched: Any
+    history: History
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What stays the same from frame to frame.
+
+    Attributes
+    ----------
+    parameters : Parameters
+    limits : PathLimits
+    mapping : ShiftMapping
+    width, height : int
+        Size of the crop window [pixels].
+    follows : bool
+        Whether the sensor's history can be re-projected.
+    skip_emitters : callable or None
+        See :func:`mitsuba_restir.passes.primary.primary`.
+    """
+
+    parameters: Parameters
+    limits: PathLimits
+    mapping: ShiftMapping
+    width: int
+    height: int
+    follows: bool
+    skip_emitters: Callable[..., Any] | None
+
+
+def no_history(pixels: int) -> History:
+    """A history without paths, with the structure that later frames have."""
+    index = dr.zeros(mi.UInt32, pixels)
+    history = History(
+        dr.gather(Reservoir, empty_reservoir(), index),
+        dr.gather(PrimaryHit, no_primary_hit(), index),
+    )
+    dr.make_opaque(history)
+    return history
+
+
+def render_frame(
+    plan: Plan,
+    scene: mi.Scene,
+    sensor: mi.Sensor,
+    history: History,
+    camera: Camera | None,
+    sample: Any,
+    seed: Any,
+    spp: Any,
+) -> Frame:
+    """Render one frame.
+
+    Parameters
+    ----------
+    history : History
+        What the previous frame left.
+    camera : Camera or None
+        The previous frame's camera; None where the sensor's history cannot be followed.
+    sample, seed, spp : UInt32
+        Running number of the frame's first sample, the user's seed, candidate trees per pixel.
+    """
+    parameters, mapping = plan.parameters, plan.mapping
+    size = (dr.opaque(mi.UInt32, plan.width), dr.opaque(mi.UInt32, plan.height))
+    now = primary(
+        scene, sensor, size, plan.width * plan.height, sample, seed, plan.skip_emitters
+    )
+    dr.eval(now)
+    reservoirs = initial(
+        scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping
+    )
+    dr.eval(reservoirs)
+
+    outcomes: list[Any] = []
+    matched = dr.zeros(mi.Bool, plan.width * plan.height)
+    flow = mi.Vector2f(0)
+    if parameters.temporal and camera is not None:
+        motion = reproject(now, history.hits, camera, size)
+        matched, flow = motion.valid, motion.flow
+        reservoirs, outcome = temporal(
+            scene,
+            sensor,
+            reservoirs,
+            now.hit,
+            dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid),
+            dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid),
+            motion.valid,
+            parameters.confidence_cap,
+            sample,
+            seed,
+            mapping,
+        )
+        outcomes.append(outcome)
+        dr.eval(reservoirs, outcome, matched, flow)
+
+    color = reservoir_color(reservoirs)
+    for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
+        reservoirs, color, outcome = spatial(
+            scene,
+            sensor,
+            reservoirs,
+            now.hit,
+            size,
+            parameters.spatial_neighbors,
+            parameters.spatial_radius,
+            dr.opaque(mi.UInt32, round_index),
+            sample,
+            seed,
+            mapping,
+        )
+        outcomes.append(outcome)
+        dr.eval(reservoirs, color, outcome)
+
+    color += now.emitted
+    extra = auxiliary(
+        [kind for _, kind in parameters.aovs], now.hit, flow, reservoirs.confidence
+    )
+    dr.eval(color, extra)
+    return Frame(
+        color, now.alpha, extra, outcomes, matched, History(reservoirs, now.hit)
+    )

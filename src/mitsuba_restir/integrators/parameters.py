@@ -1,0 +1,125 @@
+"""The parameters of ``restir_pt``: read from Mitsuba properties and checked at the border."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ..passes.shade import AOV_CHANNELS
+from ..paths.record import MAX_EDGES
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Checked parameters; the meaning of each is in the plugin's reference page."""
+
+    max_depth: int
+    rr_depth: int
+    hide_emitters: bool
+    temporal: bool
+    spatial: bool
+    spatial_neighbors: int
+    spatial_radius: float
+    spatial_rounds: int
+    confidence_cap: float
+    shift: str
+    connectability: str
+    retrace_history: bool
+    aovs: tuple[tuple[str, str], ...]
+
+
+_CHOICES = {
+    "shift": ("hybrid", "reconnection", "random_replay"),
+    "connectability": ("footprint", "distance_roughness"),
+    "neighbor_sampling": ("random", "blue_noise"),
+    "blue_noise": ("none", "mutation", "selection", "redistribution"),
+}
+
+_LATER: dict[str, Any] = {
+    "neighbor_sampling": "random",
+    "mutations": 0,
+    "blue_noise": "none",
+    "blue_noise_seeds": False,
+}
+"""Announced parameters and the only value that each accepts so far."""
+
+
+def read_parameters(props: Any) -> Parameters:
+    """Read and check the plugin's properties.
+
+    Raises
+    ------
+    ValueError
+        For a value outside the allowed range, naming the parameter and what is allowed.
+    """
+    max_depth = _integer(props, "max_depth", -1, -1)
+    parameters = Parameters(
+        max_depth=MAX_EDGES if max_depth == -1 else min(max_depth, MAX_EDGES),
+        rr_depth=_integer(props, "rr_depth", 5, 1),
+        hide_emitters=_boolean(props, "hide_emitters", False),
+        temporal=_boolean(props, "temporal", True),
+        spatial=_boolean(props, "spatial", True),
+        spatial_neighbors=_integer(props, "spatial_neighbors", 3, 1, 32),
+        spatial_radius=_number(props, "spatial_radius", 20.0, 1.0, 10000.0),
+        spatial_rounds=_integer(props, "spatial_rounds", 1, 1, 16),
+        confidence_cap=_number(props, "confidence_cap", 20.0, 0.0, 1e6),
+        shift=_choice(props, "shift", "hybrid"),
+        connectability=_choice(props, "connectability", "footprint"),
+        retrace_history=_boolean(props, "retrace_history", False),
+        aovs=_aovs(props.get("aovs", "")),
+    )
+    _number(props, "mutation_step", 0.0, 0.0, math.inf)
+    _number(props, "blue_noise_weight", 0.5, 0.0, 1.0)
+    for name, allowed in _LATER.items():
+        value = _choice(props, name, allowed) if name in _CHOICES else props.get(name, allowed)
+        if value != allowed:
+            raise ValueError(f"restir_pt: {name}={value!r} is not available yet; use {allowed!r}")
+    return parameters
+
+
+def _reject(name: str, value: Any, allowed: str) -> ValueError:
+    return ValueError(f"restir_pt: {name} must be {allowed}, not {value!r}")
+
+
+def _integer(props: Any, name: str, default: int, low: int, high: int = 2**31 - 1) -> int:
+    value = props.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        bound = f"of at least {low}" if high == 2**31 - 1 else f"from {low} to {high}"
+        raise _reject(name, value, f"an integer {bound}")
+    return value
+
+
+def _number(props: Any, name: str, default: float, low: float, high: float) -> float:
+    value = props.get(name, default)
+    good = isinstance(value, int | float) and not isinstance(value, bool)
+    if not good or not low <= value <= high:
+        bound = f"of at least {low:g}" if math.isinf(high) else f"from {low:g} to {high:g}"
+        raise _reject(name, value, f"a number {bound}")
+    return float(value)
+
+
+def _boolean(props: Any, name: str, default: bool) -> bool:
+    value = props.get(name, default)
+    if not isinstance(value, bool):
+        raise _reject(name, value, "true or false")
+    return value
+
+
+def _choice(props: Any, name: str, default: str) -> str:
+    value = props.get(name, default)
+    if value not in _CHOICES[name]:
+        raise _reject(name, value, "one of " + ", ".join(_CHOICES[name]))
+    return str(value)
+
+
+def _aovs(text: Any) -> tuple[tuple[str, str], ...]:
+    """Parse ``"name:type, ..."`` as Mitsuba's ``aov`` does; a bare type is its own name."""
+    pairs = []
+    for item in filter(None, (part.strip() for part in str(text).split(","))):
+        name, _, kind = item.partition(":")
+        kind = kind or name
+        if kind not in AOV_CHANNELS:
+            raise _reject("aovs", item, "a list of name:type with types " + ", ".join(AOV_CHANNELS))
+        pairs.append((name, kind))
+    return tuple(pairs)

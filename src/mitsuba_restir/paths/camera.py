@@ -1,0 +1,83 @@
+"""The previous frame's camera, copied by value: where a world point was on its film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+REPROJECTABLE = ("PerspectiveCamera", "ThinLensCamera")
+"""Sensor classes whose history can be followed."""
+
+
+@dataclass
+class Camera:
+    """A pinhole or thin-lens camera as plain data.
+
+    Fields: ``to_camera`` (``Matrix4f``, world to camera), ``to_sample`` (``Matrix4f``, camera to
+    the crop window's unit square), ``offset`` (``Vector2f``, principal point), ``aperture`` and
+    ``focus`` (``Float``; aperture 0 is a pinhole).
+    """
+
+    to_camera: Any
+    to_sample: Any
+    offset: Any
+    aperture: Any
+    focus: Any
+
+
+def copy_camera(sensor: mi.Sensor) -> Camera:
+    """Copy what :func:`project` needs of a sensor, so that later edits cannot change it."""
+    parameters = mi.traverse(sensor)
+    film = sensor.film()
+    to_sample = mi.perspective_projection(
+        film.size(),
+        film.crop_size(),
+        film.crop_offset(),
+        parameters["x_fov"],
+        sensor.near_clip() if hasattr(sensor, "near_clip") else parameters["near_clip"],
+        parameters["far_clip"],
+    )
+    lens = "aperture_radius" in parameters
+    camera = Camera(
+        mi.Matrix4f(parameters["to_world"].inverse().matrix),
+        mi.Matrix4f(to_sample.matrix),
+        mi.Vector2f(
+            mi.Float(parameters["principal_point_offset_x"]),
+            mi.Float(parameters["principal_point_offset_y"]),
+        ),
+        mi.Float(parameters["aperture_radius"] if lens else 0),
+        mi.Float(parameters["focus_distance"] if lens else 1),
+    )
+    dr.make_opaque(camera)
+    return camera
+
+
+def project(camera: Camera, p: Any, lens: Any) -> tuple[Any, Any]:
+    """Film position of a world point seen through one point of the lens.
+
+    Parameters
+    ----------
+    p : Point3f
+        World position.
+    lens : Point2f
+        Uniform lens sample of the ray (ignored by a pinhole).
+
+    Returns
+    -------
+    uv : Point2f
+        Position in the crop window's unit square.
+    in_front : Bool
+        Whether the point is in front of the camera.
+    """
+    local = mi.Point3f((camera.to_camera @ mi.Vector4f(p.x, p.y, p.z, 1)).xyz)
+    disk = camera.aperture * mi.warp.square_to_uniform_disk_concentric(lens)
+    # The ray through this lens point meets the plane of focus where a pinhole ray would.
+    scale = camera.focus / local.z
+    x = disk.x + (local.x - disk.x) * scale
+    y = disk.y + (local.y - disk.y) * scale
+    sample = camera.to_sample @ mi.Vector4f(x, y, camera.focus, 1)
+    uv = mi.Point2f(sample.x, sample.y) / sample.w
+    return uv - camera.offset, local.z > 0

@@ -1,0 +1,38 @@
+"""The primary hit x_1 of a pixel: what a shift needs of its destination, and what history keeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from .vertex import Vertex, no_vertex, seen_from
+
+
+@dataclass
+class PrimaryHit:
+    """G-buffer entry (64 bytes a pixel).
+
+    Fields: ``vertex`` (x_1; null shape where the camera ray escapes), ``origin`` (``Point3f``, x_0,
+    the lens point), ``normal`` (``Normal3f``, shading normal), ``footprint`` (``Float``, the pixel's
+    footprint at x_1, see :func:`mitsuba_restir.shifts.connectability.pixel_footprint`).
+    """
+
+    vertex: Vertex
+    origin: Any
+    normal: Any
+    footprint: Any
+
+
+def no_primary_hit() -> PrimaryHit:
+    """A primary hit that hits nothing."""
+    return PrimaryHit(no_vertex(), dr.zeros(mi.Point3f), dr.zeros(mi.Normal3f), mi.Float(0))
+
+
+def camera_ray(
+    hit: PrimaryHit, lambdas: Any
+) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
+    """The ray x_0 -> x_1 and its intersection, rebuilt without tracing."""
+    return seen_from(hit.vertex, hit.origin, lambdas)

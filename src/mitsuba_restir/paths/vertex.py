@@ -1,0 +1,77 @@
+"""Compact surface vertices: 36 bytes from which Mitsuba rebuilds the full interaction without a ray."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+
+@dataclass
+class Vertex:
+    """A surface point as (position, shape, primitive, surface coordinates), one per lane.
+
+    Fields: ``p`` (``Point3f``, world), ``uv`` (``Point2f``, primitive coordinates), ``prim`` and
+    ``index`` (``UInt32``, primitive and shape index), ``shape`` and ``instance`` (``ShapePtr``).
+    A vertex without shape and instance is nowhere.
+    """
+
+    p: Any
+    uv: Any
+    prim: Any
+    index: Any
+    shape: Any
+    instance: Any
+
+
+def compact(pi: mi.PreliminaryIntersection3f, p: Any) -> Vertex:
+    """Compact form of an intersection ``pi`` whose surface point is ``p``."""
+    return Vertex(
+        mi.Point3f(p),
+        mi.Point2f(pi.prim_uv),
+        mi.UInt32(pi.prim_index),
+        mi.UInt32(pi.shape_index),
+        mi.ShapePtr(pi.shape),
+        mi.ShapePtr(pi.instance),
+    )
+
+
+def no_vertex() -> Vertex:
+    """A vertex that is nowhere."""
+    return Vertex(
+        dr.zeros(mi.Point3f),
+        dr.zeros(mi.Point2f),
+        mi.UInt32(0),
+        mi.UInt32(0),
+        dr.zeros(mi.ShapePtr),
+        dr.zeros(mi.ShapePtr),
+    )
+
+
+def exists(vertex: Vertex) -> Any:
+    """Lanes whose vertex is on a surface (``Bool``); an instanced one has only an instance."""
+    return (vertex.shape != None) | (vertex.instance != None)  # noqa: E711  (element-wise)
+
+
+def seen_from(
+    vertex: Vertex, origin: Any, lambdas: Any
+) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
+    """The ray from ``origin`` to the vertex and the intersection that it would have found.
+
+    Distances are taken between the points themselves, not from an offset ray origin, so that a
+    path shifted to its own pixel has a Jacobian of one.
+    """
+    to_vertex = vertex.p - origin
+    distance = dr.norm(to_vertex)
+    ray = mi.Ray3f(origin, to_vertex / distance, 0.0, lambdas)
+    pi = dr.zeros(mi.PreliminaryIntersection3f)
+    pi.t = distance
+    pi.prim_uv = vertex.uv
+    pi.prim_index = vertex.prim
+    pi.shape_index = vertex.index
+    pi.shape = vertex.shape
+    pi.instance = vertex.instance
+    pi.valid = exists(vertex)
+    return ray, pi

@@ -1,0 +1,1 @@
+"""Resampling: reservoirs, streaming selection and MIS weights."""

@@ -1,0 +1,234 @@
+"""The hybrid shift: replay a path's prefix from another pixel, then reconnect to its stored vertex.
+
+Lin et al. 2022 (GRIS), section 7. The measure is primary sample space, F = f/p per path; with
+full-BSDF pdfs p, reconnecting y_{k-1} to x_k has the Jacobian
+
+    J = p(y_{k-1} -> x_k) G(y_{k-1}, x_k) p(x_k -> x_{k+1}) / [the same of the base path],
+
+the last factor only where the direction leaving x_k was sampled (kinds ``FAR`` and ``HIT``), and
+G = |cos theta_k| / d^2 with the face normal (1 for the environment). Replay has Jacobian one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..paths import record as kinds
+from ..paths.primary_hit import PrimaryHit
+from ..paths.record import PathRecord, edge_count, kind_of, reconnection_index
+from ..paths.scattering import balance, can_connect, emission, evaluate, nee_weight, sample_light
+from ..paths.spectrum import response, wavelengths
+from ..paths.vertex import exists, seen_from
+from ..sampling.streams import path_stream
+from .connectability import Link, depart, link
+from .mapping import DARK, EMPTY, INVERTIBILITY, OCCLUDED, OK, TERMINATED, UNCONNECTABLE, ShiftMapping
+from .replay import Head, at_primary, replay
+
+
+@dataclass
+class Shifted:
+    """A path shifted to another pixel.
+
+    Fields: ``color`` (``Color3f``, F in the new pixel; 0 where the shift is undefined),
+    ``jacobian`` (|dT/dx|), ``factor`` (the new path's own p G p, which its record must carry),
+    ``outcome`` (``UInt32``, see :mod:`mitsuba_restir.shifts.mapping`).
+    """
+
+    color: Any
+    jacobian: Any
+    factor: Any
+    outcome: Any
+
+
+def shift(
+    scene: mi.Scene,
+    sensor: mi.Sensor,
+    path: PathRecord,
+    hit: PrimaryHit,
+    mapping: ShiftMapping,
+    active: Any,
+) -> Shifted:
+    """Shift ``path`` to the pixel whose primary hit is ``hit``.
+
+    Lanes that are not ``active``, or whose path or pixel is empty, come back with color 0.
+    """
+    kind = kind_of(path)
+    present = active & (kind != kinds.EMPTY) & exists(hit.vertex)
+
+    stream = path_stream(path.pixel, path.sample, path.seed)
+    lambdas, response_weight = wavelengths(sensor, stream)
+
+    by_hit = kind == kinds.REPLAY_HIT
+    by_light = kind == kinds.REPLAY_NEE
+    bounces = dr.select(
+        by_hit,
+        edge_count(path) - 1,
+        dr.select(by_light, edge_count(path), reconnection_index(path)) - 2,
+    )
+    if mapping.replays:
+        head = replay(
+            scene, stream, hit, lambdas, response_weight, bounces, mapping, present
+        )
+    else:
+        head = at_primary(hit, lambdas, response_weight)
+        head.outcome = dr.select(bounces == 0, mi.UInt32(OK), UNCONNECTABLE)
+    lost = ~by_hit & ~head.pi.is_valid() & (head.outcome == OK)
+    outcome = dr.select(present, dr.select(lost, TERMINATED, head.outcome), EMPTY)
+
+    shifted = _finish(scene, path, kind, stream, hit, head, mapping, outcome)
+    return Shifted(
+        response(shifted.color, lambdas), shifted.jacobian, shifted.factor, shifted.outcome
+    )
+
+
+def _finish(
+    scene: mi.Scene,
+    path: PathRecord,
+    kind: Any,
+    stream: Any,
+    hit: PrimaryHit,
+    head: Head,
+    mapping: ShiftMapping,
+    outcome: Any,
+) -> Shifted:
+    """Complete a replayed prefix by reconnection, by a light sample, or by the light it hit."""
+    criterion = mapping.criterion
+    alive = outcome == OK
+    by_hit = alive & (kind == kinds.REPLAY_HIT)
+    by_light = alive & (kind == kinds.REPLAY_NEE)
+    to_environment = alive & (kind == kinds.ENVIRONMENT)
+    to_light = alive & (kind == kinds.LIGHT)
+    to_vertex = alive & (kind >= kinds.FAR) & ~to_environment
+    onward = to_vertex & ~to_light
+    extends = alive & ~by_hit
+
+    # ------------------------------ y_h and the direction that leaves it ------------------------
+
+    si = head.pi.compute_surface_interaction(head.ray)
+    bsdf = si.bsdf()
+    limit = criterion.vertex_limit(si, bsdf, alive)
+    arrival = link(
+        criterion, head.start, si, limit, head.index, mapping.last_index, hit.footprint
+    )
+
+    light = sample_light(
+        scene, si, stream, edge_count(path) - 1, False, by_light & can_connect(bsdf)
+    )
+    ray_k, pi_k = seen_from(path.vertex, si.p, head.ray.wavelengths)
+    direction = dr.select(
+        to_vertex, ray_k.d, dr.select(to_environment, path.wo, light.d)
+    )
+    value, pdf = evaluate(si, bsdf, direction, extends & (~by_light | light.valid))
+
+    # The pair (y_{h-1}, y_h) must stay unconnectable with the new direction as well, and a path
+    # without a reconnection vertex must not find one in the light that ends it.
+    connectable = dr.select(by_hit, arrival.reaches, pdf <= arrival.limit)
+    outcome = dr.select(alive & connectable, INVERTIBILITY, outcome)
+
+    # ------------------------------ x_k seen from y_{k-1} ---------------------------------------
+
+    si_k = pi_k.compute_surface_interaction(ray_k, active=to_vertex)
+    bsdf_k = si_k.bsdf()
+    start = depart(si, direction, pdf, mi.Bool(False), limit)
+    limit_k = criterion.vertex_limit(si_k, bsdf_k, onward)
+    pair = link(
+        criterion,
+        start,
+        si_k,
+        limit_k,
+        reconnection_index(path),
+        mapping.last_index,
+        hit.footprint,
+    )
+    value_k, pdf_k = evaluate(si_k, bsdf_k, path.wo, onward)
+    fits = dr.select(onward, (pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches)
+    outcome = dr.select(
+        alive & (kind >= kinds.FAR) & (outcome == OK) & ~fits, UNCONNECTABLE, outcome
+    )
+
+    # ------------------------------ emission and MIS --------------------------------------------
+
+    hit_si = dr.select(by_hit, si, si_k)
+    hit_origin = dr.select(by_hit, head.start.p, si.p)
+    emitted, emitted_pdf = emission(scene, hit_si, hit_origin, by_hit | to_light)
+    emitted_pdf = dr.select(by_hit & head.start.delta, 0, emitted_pdf)
+    ends = _Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, head.start.pdf)
+    color = head.throughput * _ending(path, ends)
+    color = dr.select(outcome == OK, color, 0)
+    bright = dr.max(dr.abs(color)) > 0
+    outcome = dr.select((outcome == OK) & ~bright, DARK, outcome)
+
+    # ------------------------------ visibility --------------------------------------------------
+
+    shadow = dr.select(
+        to_environment,
+        si.spawn_ray(direction),
+        si.spawn_ray_to(dr.select(to_vertex, path.vertex.p, light.p)),
+    )
+    occluded = scene.ray_test(shadow, extends & (outcome == OK))
+    outcome = dr.select(occluded, OCCLUDED, outcome)
+
+    factor = _jacobian_factor(kind, pair, pdf_k)
+    defined = outcome == OK
+    return Shifted(
+        dr.select(defined, color, 0),
+        dr.select(defined, factor / path.jacobian, 1),
+        factor,
+        outcome,
+    )
+
+
+@dataclass
+class _Ends:
+    """What the ending of a shifted path is computed from; see :func:`_ending`."""
+
+    kind: Any
+    value: Any
+    pdf: Any
+    value_k: Any
+    pdf_k: Any
+    light: Any
+    emitted: Any
+    emitted_pdf: Any
+    hit_pdf: Any
+
+
+def _ending(path: PathRecord, e: _Ends) -> Any:
+    """Integrand of everything after the replayed prefix, by kind of path."""
+    leave = dr.select(e.pdf > 0, e.value / e.pdf, 0)
+    leave_k = dr.select(e.pdf_k > 0, e.value_k / e.pdf_k, 0)
+    result = leave * leave_k * path.radiance  # FAR
+    result = dr.select(
+        e.kind == kinds.HIT, result * balance(e.pdf_k, path.light_pdf), result
+    )
+    result = dr.select(
+        e.kind == kinds.NEE,
+        leave * e.value_k * path.radiance * nee_weight(path.light_pdf, e.pdf_k),
+        result,
+    )
+    result = dr.select(
+        e.kind == kinds.LIGHT, leave * e.emitted * balance(e.pdf, e.emitted_pdf), result
+    )
+    result = dr.select(
+        e.kind == kinds.ENVIRONMENT, leave * path.radiance * balance(e.pdf, path.light_pdf), result
+    )
+    result = dr.select(
+        e.kind == kinds.REPLAY_NEE,
+        e.value
+        * e.light.weight
+        * dr.select(e.light.delta, 1, balance(e.light.pdf, e.pdf)),
+        result,
+    )
+    return dr.select(
+        e.kind == kinds.REPLAY_HIT, e.emitted * balance(e.hit_pdf, e.emitted_pdf), result
+    )
+
+
+def _jacobian_factor(kind: Any, pair: Link, pdf_k: Any) -> Any:
+    """This path's own factor of the reconnection Jacobian (1 without a reconnection vertex)."""
+    sampled = (kind == kinds.FAR) | (kind == kinds.HIT)
+    return dr.select(kind < kinds.FAR, 1, pair.jacobian * dr.select(sampled, pdf_k, 1))
