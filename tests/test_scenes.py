@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mitsuba_restir import scenes
-from mitsuba_restir.scenes import ajar, furniture, textures
+from mitsuba_restir.scenes import ajar, furniture, textures, vessels
 from mitsuba_restir.scenes.geometry import Geometry, fillet, merge, spline
 from mitsuba_restir.scenes.noise import hash01
 from mitsuba_restir.scenes.solids import box, lathe, moulding, pillow, tube
@@ -157,7 +157,7 @@ def test_solids_are_closed_and_outward() -> None:
         "box": box((1, 2, 3), 0.1),
         "pillow": pillow((1, 2, 1), 3.0),
         "lathe": lathe(cylinder),
-        "vessel": lathe(furniture.vessel([(0.3, 0), (0.5, 0.3), (0.4, 1)], 0.02)),
+        "vessel": lathe(vessels.vessel([(0.3, 0), (0.5, 0.3), (0.4, 1)], 0.02)),
         "tube": tube(spline([(0, 0, 0), (0, 1, 0), (1, 1.5, 0)]), 0.1),
     }
     for name, solid in solids.items():
@@ -175,15 +175,15 @@ def test_solids_are_closed_and_outward() -> None:
         lambda: furniture.sideboard(1.9, 0.8, 0.44),
         lambda: furniture.framed_picture(0.8, 0.5),
         furniture.table_lamp,
-        lambda: furniture.bowl("m"),
-        lambda: furniture.vase("m"),
-        lambda: furniture.branches(0.7, 0.3),
-        furniture.decanter,
+        lambda: vessels.bowl("m"),
+        lambda: vessels.vase("m"),
+        lambda: vessels.branches(0.7, 0.3),
+        vessels.decanter,
         furniture.stool,
-        lambda: furniture.cup("m"),
-        lambda: furniture.teapot("m"),
-        lambda: furniture.tray("m"),
-        lambda: furniture.amphora("m"),
+        lambda: vessels.cup("m"),
+        lambda: vessels.teapot("m"),
+        lambda: vessels.tray("m"),
+        lambda: vessels.amphora("m"),
         ajar.door,
         ajar.joinery,
     ],

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from . import furniture, textures
+from . import furniture, textures, vessels
 from .furniture import Collection, Piece
 from .geometry import Geometry, fillet
 from .materials import glass, glaze, light, matte, metal, picture, varnish
@@ -196,20 +196,20 @@ def contents() -> Collection:
         ),
         (-1.50, top, 0.24),
     )
-    room.add(furniture.cup("porcelain"), (-1.50, top + 0.09, 0.24), 35)
-    room.add(furniture.decanter(), (-1.17, top + 0.0003, 0.17))
-    room.add(furniture.decanter(0.75), (-1.07, top + 0.0003, 0.31))
-    room.add(furniture.bowl("brass", 0.165), (-0.80, top, 0.25))
-    room.add(furniture.vase("porcelain", 0.36), (-0.44, top, 0.20))
-    room.add(furniture.branches(0.78, 0.34), (-0.44, top + 0.10, 0.20), 20)
+    room.add(vessels.cup("porcelain"), (-1.50, top + 0.09, 0.24), 35)
+    room.add(vessels.decanter(), (-1.17, top + 0.0003, 0.17))
+    room.add(vessels.decanter(0.75), (-1.07, top + 0.0003, 0.31))
+    room.add(vessels.bowl("brass", 0.165), (-0.80, top, 0.25))
+    room.add(vessels.vase("porcelain", 0.36), (-0.44, top, 0.20))
+    room.add(vessels.branches(0.78, 0.34), (-0.44, top + 0.10, 0.20), 20)
     rug = box((2.3, 0.009, 1.6), 0.004).move_uv(1.15, 0.8).scale_uv(1 / 2.3, 1 / 1.6)
     room.add([("rug", rug.move(y=0.0045))], (-1.05, 0, 1.62))
     room.add(furniture.stool(), (-0.48, 0.009, 1.52), 12)
     tea = 0.009 + 0.372
-    room.add(furniture.tray("metal", 0.17), (-0.48, tea, 1.52))
-    room.add(furniture.teapot("copper", 0.17), (-0.52, tea + 0.004, 1.49), 28)
-    room.add(furniture.cup("porcelain"), (-0.40, tea + 0.004, 1.60), -40)
-    room.add(furniture.amphora("terracotta"), (2.13, 0, 0.36))
+    room.add(vessels.tray("metal", 0.195), (-0.48, tea, 1.52))
+    room.add(vessels.teapot("copper", 0.17), (-0.52, tea + 0.004, 1.49), 28)
+    room.add(vessels.cup("porcelain"), (-0.40, tea + 0.004, 1.60), -40)
+    room.add(vessels.amphora("terracotta"), (2.13, 0, 0.36))
     return room
 
 

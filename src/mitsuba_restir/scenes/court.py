@@ -7,7 +7,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from . import furniture, textures
+from . import textures, vessels
 from .furniture import Collection, Piece
 from .geometry import Geometry, fillet, grid_faces, merge, profile_strip
 from .materials import matte, metal, picture, rgb, varnish
@@ -166,7 +166,7 @@ def fountain() -> Piece:
         ),
         40,
     )
-    dish = furniture.bowl("bronze", 0.46, 0.014)
+    dish = vessels.bowl("bronze", 0.46, 0.014)
     water = quad((-0.95, 0.33, 0.95), (1.9, 0, 0), (0, 0, -1.9))
     return [
         ("stone", basin),
@@ -179,9 +179,7 @@ def fountain() -> Piece:
 def topiary(seed: int) -> Piece:
     """Clipped round shrub in a clay pot; materials clay, leaf, beam."""
     pot = lathe(
-        furniture.vessel(
-            [(0.19, 0), (0.20, 0.02), (0.27, 0.36), (0.295, 0.37), (0.295, 0.43)], 0.02
-        ),
+        vessels.vessel([(0.19, 0), (0.20, 0.02), (0.27, 0.36), (0.295, 0.37), (0.295, 0.43)], 0.02),
         44,
     )
     soil = lathe([(0.262, 0.37), (0.0, 0.39)], 32)
@@ -236,7 +234,7 @@ def build() -> dict[str, Any]:
     place.add(fountain(), (-0.25, 0, 0.3))
     for k, (x, z) in enumerate([(-2.95, -2.95), (2.95, -2.95), (-2.95, 2.6)]):
         place.add(topiary(60 + k), (x, 0, z))
-    place.add(furniture.amphora("clay", 0.75), (-3.2, 0, 4.9))
+    place.add(vessels.amphora("clay", 0.75), (-3.2, 0, 4.9))
     radiance = textures.sky(768, SUN, 7000.0, 1.3).astype(np.float32)
     return {
         **place.shapes(materials),

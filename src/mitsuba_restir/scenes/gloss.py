@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import furniture
+from . import vessels
 from .furniture import Collection
 from .geometry import fillet
 from .materials import card, glass, glaze, light, metal, varnish
@@ -33,17 +33,17 @@ def build() -> dict[str, Any]:
     # A sweep: floor, a wide curve, and the wall behind.
     sweep = fillet([(2.6, 0.0), (-1.1, 0.0, 0.7), (-1.1, 2.4)], 20)
     stage.add([("backdrop", moulding([(0, -3.2), (0, 3.2)], sweep, "zx", closed=False))])
-    stage.add(furniture.teapot("silver", 0.23), (-0.245, 0, -0.02), 24)
+    stage.add(vessels.teapot("silver", 0.23), (-0.245, 0, -0.02), 24)
     stage.add([("frosted", box((0.16, 0.16, 0.16), 0.018, 4).move(y=0.0802))], (0.30, 0, 0.20), 32)
     stage.add(
         [("lacquer", pillow((0.17, 0.15, 0.17), 2.6, 20).move(y=0.075))], (0.055, 0, 0.185), 10
     )
-    stage.add(furniture.bowl("gold", 0.105), (-0.42, 0, 0.27))
+    stage.add(vessels.bowl("gold", 0.105), (-0.42, 0, 0.27))
     stage.add(
         [("clear", pillow((0.064, 0.064, 0.064), 2.0, 20).move(y=0.0322))], (-0.135, 0, 0.335)
     )
-    stage.add(furniture.cup("porcelain"), (0.52, 0, 0.02), 130)
-    stage.add(furniture.vase("teal", 0.30), (-0.56, 0, -0.10))
+    stage.add(vessels.cup("porcelain"), (0.52, 0, 0.02), 130)
+    stage.add(vessels.vase("teal", 0.30), (-0.56, 0, -0.10))
     stage.add([("satin", box((0.07, 0.20, 0.07), 0.008, 3).move(y=0.1))], (0.66, 0, -0.22), 25)
     radius = 0.088
     balls = {
