@@ -1,0 +1,198 @@
+"""Running a study: variants frame by frame in turn, every finished run saved at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .config import Size, Study
+from .reference import (
+    REHEARSAL_KEY,
+    RUN_KEY,
+    load_reference,
+    missing_batches,
+    read_reference,
+    render_batches,
+)
+from .rendering import Renderer, load_scene, make_renderer, seed_of
+from .results import Image, Row, Run
+from .store import StudyFolder
+from .table import Table, measure_size
+
+Progress = Callable[[int, int, str], None]
+
+# The first frame compiles kernels, the second those of a frame with history.
+_REHEARSAL = 3
+
+
+def run_study(study: Study, path: Path, progress: Progress | None = None) -> Table:
+    """
+    Render what is not finished yet, and measure.
+
+    Parameters
+    ----------
+    study : Study
+    path : Path
+        Folder of the results; made where it does not exist, gone on with where it holds this study.
+    progress : callable, optional
+        Called with units done, units in all, and what is being rendered.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    UsageError
+        The study cannot be run as it is; nothing has been rendered.
+    RenderError
+        A result could not be written.
+    """
+    if study.reference is not None and study.reference.file:
+        read_reference(study)
+    folder = StudyFolder(path, study)
+    render_missing(folder, progress or _silent)
+    folder.claim()
+    return measure(folder)
+
+
+def measure(folder: StudyFolder) -> Table:
+    """Measure the finished runs of a study and write the table beside them."""
+    rows = [row for size in folder.study.sizes for row in _measure_size(folder, size)]
+    table = Table(rows, tuple(dict.fromkeys(folder.refused)))
+    folder.write("results.csv", table.csv().encode())
+    folder.write("results.json", table.json().encode())
+    return table
+
+
+def _measure_size(folder: StudyFolder, size: Size) -> list[Row]:
+    study = folder.study
+    runs = {
+        name: [
+            run
+            for index in range(study.runs)
+            if (run := folder.load_run(size, name, index)) is not None
+        ]
+        for name in study.variants
+    }
+    return measure_size(study, size, runs, load_reference(folder, size))
+
+
+def render_missing(folder: StudyFolder, progress: Progress) -> None:
+    """Render the runs and batches that are not finished; safe to interrupt at any time."""
+    study = folder.study
+    todo = {size: _missing_runs(folder, size) for size in study.sizes}
+    batches = {size: missing_batches(folder, size) for size in study.sizes}
+    meter = _Meter(progress, _frames_to_render(study, todo) + sum(map(len, batches.values())))
+    if meter.total == 0:
+        return
+    scene = load_scene(study)
+    renderers = {size: _renderers(study, scene, size, missing) for size, missing in todo.items()}
+    folder.claim()
+    for size, missing in todo.items():
+        if missing:
+            _render_size(folder, renderers[size], size, missing, meter)
+        if batches[size]:
+            label = f"reference {size[0]}x{size[1]}"
+            render_batches(folder, scene, size, batches[size], partial(meter.advance, label))
+
+
+def _missing_runs(folder: StudyFolder, size: Size) -> dict[int, list[str]]:
+    study = folder.study
+    missing = {
+        index: [name for name in study.variants if folder.load_run(size, name, index) is None]
+        for index in range(study.runs)
+    }
+    return {index: names for index, names in missing.items() if names}
+
+
+def _frames_to_render(study: Study, todo: dict[Size, dict[int, list[str]]]) -> int:
+    runs = sum(len(names) for missing in todo.values() for names in missing.values())
+    return runs * (study.warmup + study.frames)
+
+
+def _renderers(
+    study: Study, scene: Any, size: Size, missing: dict[int, list[str]]
+) -> dict[str, Renderer]:
+    wanted = {name for names in missing.values() for name in names}
+    return {
+        name: make_renderer(study, scene, size, name, variant)
+        for name, variant in study.variants.items()
+        if name in wanted
+    }
+
+
+def _render_size(
+    folder: StudyFolder,
+    renderers: dict[str, Renderer],
+    size: Size,
+    missing: dict[int, list[str]],
+    meter: _Meter,
+) -> None:
+    study = folder.study
+    meter.say(f"{size[0]}x{size[1]}: compiling")
+    for renderer in renderers.values():
+        for frame in range(_REHEARSAL):
+            renderer.frame(seed_of(study.seed, REHEARSAL_KEY, frame))
+    for index, names in missing.items():
+        runs = _render_runs(study, {name: renderers[name] for name in names}, index, meter, size)
+        for name, run in runs.items():
+            folder.save_run(size, name, index, run)
+
+
+def _render_runs(
+    study: Study, renderers: dict[str, Renderer], index: int, meter: _Meter, size: Size
+) -> dict[str, Run]:
+    """Render one run of several variants, taking turns at every frame."""
+    for renderer in renderers.values():
+        renderer.reset()
+    images: dict[str, list[Image]] = {name: [] for name in renderers}
+    sums: dict[str, Any] = dict.fromkeys(renderers, 0.0)
+    times: dict[str, list[float]] = {name: [] for name in renderers}
+    names = list(renderers)
+    for frame in range(study.warmup + study.frames):
+        seed = seed_of(study.seed, RUN_KEY, index, frame)
+        # Whoever comes first changes with every frame: no variant profits from its place.
+        first = (index + frame) % len(names)
+        for name in names[first:] + names[:first]:
+            measured = frame >= study.warmup
+            if measured or renderers[name].has_history:
+                image, seconds = renderers[name].frame(seed)
+            if measured:
+                times[name].append(seconds)
+                sums[name] = sums[name] + image.astype(np.float64)
+                images[name] = [*images[name], image] if study.keep == "all" else [image]
+            meter.advance(f"{size[0]}x{size[1]} run {index + 1}/{study.runs} {name}")
+    return {
+        name: Run(
+            images[name][-1],
+            (sums[name] / study.frames).astype(np.float32),
+            np.array(times[name]),
+            np.stack(images[name]) if study.keep == "all" else None,
+        )
+        for name in names
+    }
+
+
+class _Meter:
+    """Counts finished units and passes them on."""
+
+    def __init__(self, progress: Progress, total: int) -> None:
+        self._progress = progress
+        self.total = total
+        self._done = 0
+
+    def say(self, text: str) -> None:
+        self._progress(self._done, self.total, text)
+
+    def advance(self, text: str) -> None:
+        self._done += 1
+        self.say(text)
+
+
+def _silent(done: int, total: int, text: str) -> None:
+    """Show nothing."""

@@ -1,0 +1,137 @@
+"""The numbers of a study as a table: on the terminal, as CSV and as JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import rich.table
+from rich.console import Console
+
+from ..analysis.intervals import Interval
+from ..errors import RenderError
+from .config import Size, Study
+from .quantities import measure_all
+from .results import Measured, ReferenceImage, Row, Run
+
+_COLUMNS = (
+    "size",
+    "quantity",
+    "variant",
+    "unit",
+    "value",
+    "low",
+    "high",
+    "ratio",
+    "ratio_low",
+    "ratio_high",
+    "runs",
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    Rows of numbers, and how they are shown.
+
+    Fields
+    ------
+    rows : sequence of Row
+    notes : sequence of str
+        What the user should know about them, such as files that could not be used.
+    """
+
+    rows: Sequence[Row]
+    notes: Sequence[str] = ()
+
+    def records(self) -> list[dict[str, str | int | float | None]]:
+        """Return one flat record for each row; None where a number is not defined."""
+        return [_record(row) for row in self.rows]
+
+    def csv(self) -> str:
+        """Return the records as CSV with a header."""
+        text = io.StringIO()
+        writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.records())
+        return text.getvalue()
+
+    def json(self) -> str:
+        """Return the records as a JSON list."""
+        return json.dumps(self.records(), indent=1, allow_nan=False) + "\n"
+
+    def show(self, console: Console, title: str) -> None:
+        """Print the table."""
+        table = rich.table.Table(title=title, title_justify="left")
+        for name in ("size", "quantity", "variant"):
+            table.add_column(name, overflow="fold")
+        for name in ("value", "95 % interval", "to baseline", "95 % interval"):
+            table.add_column(name, justify="right", no_wrap=True)
+        before: tuple[str, str] | None = None
+        for row in self.rows:
+            group = (row.size, row.quantity)
+            if before is not None and group != before:
+                table.add_section()
+            head = group if group != before else ("", "")
+            before = group
+            unit = f" {row.unit}" if row.unit else ""
+            ratio = ("", "") if row.ratio is None else _texts(row.ratio, "")
+            table.add_row(*head, row.variant, *_texts(row.value, unit), *ratio)
+        console.print(table)
+
+
+def _texts(interval: Interval, unit: str) -> tuple[str, str]:
+    value = f"{interval.value:.4g}{unit}"
+    if math.isnan(interval.low):
+        return value, ""
+    return value, f"{interval.low:.4g} .. {interval.high:.4g}"
+
+
+def _record(row: Row) -> dict[str, str | int | float | None]:
+    ratio = row.ratio
+    return {
+        "size": row.size,
+        "quantity": row.quantity,
+        "variant": row.variant,
+        "unit": row.unit,
+        "value": _number(row.value.value),
+        "low": _number(row.value.low),
+        "high": _number(row.value.high),
+        "ratio": None if ratio is None else _number(ratio.value),
+        "ratio_low": None if ratio is None else _number(ratio.low),
+        "ratio_high": None if ratio is None else _number(ratio.high),
+        "runs": row.runs,
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def measure_size(
+    study: Study,
+    size: Size,
+    runs: Mapping[str, Sequence[Run]],
+    reference: ReferenceImage | None,
+) -> list[Row]:
+    """
+    Measure everything that a study asks for at one size.
+
+    Raises
+    ------
+    RenderError
+        An image holds values that are not finite, or a package is missing.
+    """
+    label = f"{size[0]}x{size[1]}"
+    data = Measured(label, runs, study.baseline, reference, study.epsilon, study.trim)
+    try:
+        # Quantities yield all rows of a variant; readers compare variants of a quantity.
+        rows = measure_all(study.quantities, data)
+    except (ValueError, ImportError) as error:
+        raise RenderError(f"{study.name} at {label} cannot be measured: {error}") from error
+    order = list(dict.fromkeys(row.quantity for row in rows))
+    return sorted(rows, key=lambda row: order.index(row.quantity))

@@ -1,0 +1,450 @@
+"""Studies: reading them, running, stopping, going on, and refusing what cannot be trusted."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mitsuba_restir.studies.reference as reference_module
+import mitsuba_restir.studies.runner as runner
+from mitsuba_restir.errors import RenderError, UsageError
+from mitsuba_restir.studies import load_study, packaged_studies, run_study
+from mitsuba_restir.studies.__main__ import main
+from mitsuba_restir.studies.config import Study, Variant, from_table, to_table
+from mitsuba_restir.studies.files import dump_study
+from mitsuba_restir.studies.rendering import Renderer, seed_of
+from mitsuba_restir.studies.store import StudyFolder
+
+STUDY = """
+name = "small"
+scene = "ajar"
+sizes = ["24x16"]
+frames = 3
+warmup = 1
+runs = 3
+seed = 5
+quantities = ["rmse", "relmse", "mean_ratio", "time"]
+
+[reference]
+spp = 64
+batches = 4
+
+[variants.plain]
+type = "path"
+
+[variants.better]
+type = "path"
+spp = 4
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    file = tmp_path / "small.toml"
+    file.write_text(STUDY)
+    return load_study(str(file))
+
+
+def _fake(
+    log: list[tuple[str, int]],
+) -> Callable[[Study, Any, tuple[int, int], str, Variant], Renderer]:
+    """Noise about a gradient, from the seed and, where it has one, the history."""
+
+    def make(
+        study: Study, scene: Any, size: tuple[int, int], name: str, variant: Variant
+    ) -> Renderer:
+        history: list[int] = []
+
+        def draw(seed: int) -> Any:
+            log.append((name, seed))
+            history.append(seed)
+            rng = np.random.default_rng([seed, len(history) if name == "better" else 0])
+            truth = np.linspace(0.5, 1.5, size[0])[None, :, None]
+            shape = (size[1], size[0], 3)
+            return truth * rng.lognormal(-0.02, 0.2 / np.sqrt(variant.spp), shape)
+
+        class Fake(Renderer):
+            def frame(self, seed: int) -> tuple[Any, float]:
+                return self.draw(seed).astype(np.float32), 0.01
+
+        return Fake(draw, history.clear, name == "better")
+
+    return make
+
+
+@pytest.fixture
+def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
+    """Replace Mitsuba by noise, and record which variant rendered which seed."""
+    entries: list[tuple[str, int]] = []
+    monkeypatch.setattr(runner, "load_scene", lambda study: None)
+    monkeypatch.setattr(runner, "make_renderer", _fake(entries))
+    monkeypatch.setattr(reference_module, "make_renderer", _fake(entries))
+    return entries
+
+
+def _numbers(path: Path) -> list[dict[str, Any]]:
+    records = json.loads((path / "results.json").read_text())
+    return [record for record in records if not record["quantity"].startswith("time")]
+
+
+def _files(path: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(path)): f.read_bytes() for f in sorted(path.rglob("*.npz"))}
+
+
+def test_a_study_survives_its_own_toml(study: Study, tmp_path: Path) -> None:
+    file = tmp_path / "again.toml"
+    file.write_bytes(dump_study(study))
+    assert load_study(str(file)) == study
+    assert from_table(to_table(study), "table") == study
+    assert study.baseline == "plain"
+
+
+@pytest.mark.parametrize("name", packaged_studies())
+def test_packaged_studies_are_sound(name: str) -> None:
+    study = load_study(name)
+    assert study.name == name
+    assert load_study(name, ["runs=7"]).runs == 7
+
+
+def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
+    changed = load_study(
+        str(tmp_path / "small.toml"),
+        ["runs=9", 'sizes=["8x8"]', "scene=cornell", "variants.better.hide_emitters=true"],
+    )
+    assert (changed.runs, changed.sizes, changed.scene) == (9, ((8, 8),), "cornell")
+    assert changed.variants["better"].parameters == {"hide_emitters": True}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("runs = 3", "runs = 0", "runs must be an integer of at least 1, not 0"),
+        ("runs = 3", "runs = true", "runs must be an integer"),
+        ("runs = 3", "rnus = 3", "unknown key 'rnus'"),
+        ("runs = 3", "runs = ", "is no TOML"),
+        ('name = "small"', "", "'name' is missing"),
+        ('"24x16"', '"24"', "sizes must be like '320x180'"),
+        ('"24x16"', '"0x16"', "sizes must be like '320x180'"),
+        ('sizes = ["24x16"]', "sizes = []", "a list of strings"),
+        ('"rmse"', '"rsme"', "unknown quantity 'rsme'; there are time, rmse"),
+        ('"rmse"', '"equal_time"', "needs warmup = 0"),
+        ("spp = 64\nbatches = 4", "batches = 4", "give either file or spp"),
+        ("batches = 4", "batches = 5", "no multiple of the 5 batches"),
+        ("[reference]\nspp = 64\nbatches = 4", "", "needs a [reference]"),
+        ('type = "path"\n\n', 'typ = "path"\n\n', "[variants] [plain]: 'type' is missing"),
+        ("[variants.plain]", "[variants.'../x']", "cannot name a variant"),
+        ("seed = 5", 'seed = 5\nbaseline = "other"', "the baseline 'other' is none"),
+        ("seed = 5", 'seed = 5\nkeep = "some"', "keep must be 'last' or 'all'"),
+        ("seed = 5", "seed = 5\nview = {fov = 60, origin = [1, 2]}", "origin must be three"),
+        ("spp = 4", "spp = 4\nlist = [1]", "list must be a number, a string"),
+    ],
+)
+def test_bad_toml_is_refused_in_one_line(
+    old: str, new: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert old in STUDY
+    file = tmp_path / "bad.toml"
+    file.write_text(STUDY.replace(old, new, 1))
+    assert main([str(file), "-o", str(tmp_path / "out")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere.toml", "-o", "out"], "neither a file nor a study"),
+        (["core_time"], "-o/--output"),
+        (["core_time", "-o", "out", "-s", "runs"], "must be key=value"),
+        (["core_time", "-o", "out", "-s", "runs.x=1"], "'runs' is no table"),
+        (["core_time", "-o", "out", "-s", "scene=$NOT_SET_ANYWHERE/x.xml"], "set the environment"),
+        (["core_time", "-o", "out", "-s", "scene=nowhere"], "neither a file nor an embedded"),
+        (["core_time", "-o", "out", "-s", "mitsuba_variant=cpu"], "mitsuba_variant"),
+    ],
+)
+def test_wrong_use_is_one_line(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not list(tmp_path.iterdir())
+
+
+def test_variants_take_turns_on_equal_seeds(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    run_study(study, tmp_path / "out")
+    frames = [entry for entry in log if entry[0] != "reference"][6:]
+    first_run = frames[: 4 + 3]
+    # One frame of warm-up for the variant with a history, then both in changing order.
+    names = [name for name, _ in first_run]
+    assert names == ["better", "better", "plain", "plain", "better", "better", "plain"]
+    seeds = {name: [s for n, s in first_run if n == name] for name in ("plain", "better")}
+    assert seeds["better"][1:] == seeds["plain"]
+    everything = [seed for name, seed in frames if name == "better"]
+    assert len(set(everything)) == len(everything) == 3 * 4
+    references = {seed for name, seed in log if name == "reference"}
+    assert len(references) == 4
+    assert not references & set(everything)
+
+
+def test_seeds_are_32_bits_and_differ() -> None:
+    seeds = {seed_of(1, 0, run, frame) for run in range(50) for frame in range(50)}
+    assert len(seeds) == 2500
+    assert max(seeds) < 2**32
+    assert seed_of(1, 0, 2, 3) != seed_of(2, 0, 2, 3)
+
+
+def test_the_numbers_are_those_of_the_images(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    table = run_study(study, tmp_path / "out")
+    folder = StudyFolder(tmp_path / "out", study)
+    truth = np.mean([folder.load_batch((24, 16), b) for b in range(4)], axis=0, dtype=np.float64)
+    variance = np.var(
+        [folder.load_batch((24, 16), b) for b in range(4)], axis=0, ddof=1, dtype=np.float64
+    )
+    errors = []
+    for index in range(3):
+        run = folder.load_run((24, 16), "plain", index)
+        assert run is not None
+        assert run.times.shape == (3,)
+        errors.append(np.sqrt(np.mean((run.last.astype(float) - truth) ** 2 - variance / 4)))
+    row = next(r for r in table.rows if r.quantity == "RMSE" and r.variant == "plain")
+    assert row.value.value == pytest.approx(np.mean(errors), rel=1e-6)
+    other = next(r for r in table.rows if r.quantity == "RMSE" and r.variant == "better")
+    assert other.ratio is not None
+    assert other.ratio.low < other.ratio.value < other.ratio.high < 1.0
+    text = (tmp_path / "out" / "results.csv").read_text()
+    records = list(csv.DictReader(text.splitlines()))
+    assert [float(r["value"]) for r in records] == [r.value.value for r in table.rows]
+
+
+@pytest.mark.parametrize("stop", [1, 7, 9, 13, 25, 27])
+def test_interrupted_studies_end_with_the_same_numbers(
+    stop: int, study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    run_study(study, tmp_path / "whole")
+
+    def interrupt(done: int, total: int, text: str) -> None:
+        assert total == 2 * 3 * 4 + 4
+        if done == stop:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "parts"
+    with pytest.raises(KeyboardInterrupt):
+        run_study(study, out, interrupt)
+    finished = _files(out)
+    log.clear()
+    run_study(study, out)
+    assert _numbers(out) == _numbers(tmp_path / "whole")
+    after = _files(out)
+    assert {name: after[name] for name in finished} == finished
+    log.clear()
+    run_study(study, out)
+    assert log == []
+
+
+@pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "moved", "other study"])
+def test_damaged_files_are_not_accepted(
+    damage: str, study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    out = tmp_path / "out"
+    run_study(study, out)
+    expected = _numbers(out)
+    victim = out / "runs" / "24x16" / "plain" / "0001.npz"
+    data = victim.read_bytes()
+    if damage == "truncated":
+        victim.write_bytes(data[: len(data) // 2])
+    elif damage == "flipped":
+        with zipfile.ZipFile(victim) as archive:
+            # Past the member's own header, whose time stamp nobody reads.
+            place = archive.getinfo("last.npy").header_offset + 200
+        victim.write_bytes(data[:place] + bytes([data[place] ^ 0xFF]) + data[place + 1 :])
+    elif damage == "empty":
+        victim.write_bytes(b"")
+    elif damage == "moved":
+        victim.write_bytes((victim.parent / "0000.npz").read_bytes())
+    else:
+        other = tmp_path / "other"
+        run_study(load_study(str(tmp_path / "small.toml"), ["seed=6"]), other)
+        victim.write_bytes((other / victim.relative_to(out)).read_bytes())
+    log.clear()
+    table = run_study(study, out)
+    assert len(table.notes) == 1
+    assert "0001.npz is not used" in table.notes[0]
+    # Rendered again, that run alone; 3 frames of rehearsal come first.
+    assert [name for name, _ in log] == ["plain"] * (3 + 3)
+    assert _numbers(out) == expected
+
+
+def test_other_settings_are_refused(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    out, file = tmp_path / "out", str(tmp_path / "small.toml")
+    run_study(study, out)
+    before = _files(out)
+    with pytest.raises(UsageError, match=r"seed, variants differ"):
+        run_study(load_study(file, ["seed=6", "variants.better.spp=2"]), out)
+    assert _files(out) == before
+    assert load_study(str(out / "config.toml")) == study
+    # More runs and other quantities leave finished runs as they are.
+    log.clear()
+    run_study(load_study(file, ["runs=4", 'quantities=["smape"]']), out)
+    assert len([1 for name, _ in log if name == "plain"]) == 3 + 3
+    after = _files(out)
+    assert {name: after[name] for name in before} == before
+
+
+def test_a_folder_with_other_things_is_left_alone(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(UsageError, match="holds no study"):
+        run_study(study, tmp_path)
+    with pytest.raises(UsageError, match=r"cannot make|holds no study"):
+        run_study(study, tmp_path / "notes.txt" / "out")
+
+
+def test_a_full_disk_is_one_line_and_loses_nothing(
+    study: Study,
+    tmp_path: Path,
+    log: list[tuple[str, int]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    replace = os.replace
+
+    def full(source: str, target: Path) -> None:
+        if str(target).endswith("0001.npz"):
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(RenderError, match="No space left on device"):
+        run_study(study, tmp_path / "out")
+    monkeypatch.undo()
+    assert list(_files(tmp_path / "out")) == [
+        "runs/24x16/better/0000.npz",
+        "runs/24x16/plain/0000.npz",
+    ]
+    assert not list((tmp_path / "out").rglob("*.partial"))
+
+
+def test_an_image_with_nan_is_named(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make = _fake(log)
+
+    def broken(*arguments: Any) -> Renderer:
+        renderer = make(*arguments)
+
+        class Broken(Renderer):
+            def frame(self, seed: int) -> tuple[Any, float]:
+                image, seconds = renderer.frame(seed)
+                image[0, 0] = np.nan
+                return image, seconds
+
+        return Broken(renderer.draw, renderer.reset, renderer.has_history)
+
+    monkeypatch.setattr(runner, "make_renderer", broken)
+    with pytest.raises(RenderError, match=r"small at 24x16 cannot be measured.*NaN"):
+        run_study(study, tmp_path / "out")
+
+
+def test_reference_files_must_fit(study: Study, tmp_path: Path) -> None:
+    file = str(tmp_path / "small.toml")
+    table = to_table(study)
+    table["reference"] = {"file": str(tmp_path / "none.exr")}
+    with pytest.raises(UsageError, match=r"none\.exr"):
+        run_study(from_table(table, file), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("llvm_ad_rgb")
+    mi.Bitmap(np.ones((8, 8, 3), dtype=np.float32)).write(str(tmp_path / "small.exr"))
+    table["reference"] = {"file": str(tmp_path / "small.exr")}
+    with pytest.raises(UsageError, match="has 8x8 pixels, the study 24x16"):
+        run_study(from_table(table, file), tmp_path / "out")
+
+
+REAL = """
+name = "real"
+scene = "ajar"
+sizes = ["16x12"]
+max_depth = 3
+frames = 2
+runs = 2
+quantities = ["relmse", "equal_time", "time"]
+
+[reference]
+spp = 32
+batches = 2
+
+[variants.path]
+type = "path"
+
+[variants.path4]
+type = "path"
+spp = 4
+"""
+
+KILLER = """
+import os, signal, sys
+from pathlib import Path
+from mitsuba_restir.studies import load_study, run_study
+
+def kill(done, total, text):
+    if done == int(sys.argv[3]):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+run_study(load_study(sys.argv[1]), Path(sys.argv[2]), kill)
+"""
+
+
+@pytest.mark.slow
+def test_rendering_killed_and_gone_on_with(tmp_path: Path) -> None:
+    """With Mitsuba, in a process that is killed: the same numbers as one that was not."""
+    file, out = tmp_path / "real.toml", tmp_path / "killed"
+    file.write_text(REAL)
+    command = [sys.executable, "-c", KILLER, str(file), str(out), "6"]
+    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    finished = _files(out)
+    assert len(finished) == 2
+    study = load_study(str(file))
+    table = run_study(study, out)
+    assert {row.quantity.split(":")[0] for row in table.rows} >= {"relMSE", "equal time"}
+    after = _files(out)
+    assert {name: after[name] for name in finished} == finished
+    run_study(study, tmp_path / "whole")
+    same = [r for r in _numbers(out) if r["quantity"] == "relMSE"]
+    assert same
+    assert same == [r for r in _numbers(tmp_path / "whole") if r["quantity"] == "relMSE"]
+
+
+@pytest.mark.slow
+def test_variants_that_cannot_be_made_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "real.toml"
+    file.write_text(REAL.replace('type = "path"', 'type = "pth"', 1))
+    with pytest.raises(UsageError, match="variant 'path'"):
+        run_study(load_study(str(file)), tmp_path / "out")
+    file.write_text(REAL.replace('type = "path"', 'type = "path"\nmax_dpeth = 3', 1))
+    with pytest.raises(UsageError, match=r"variant 'path'.*max_dpeth"):
+        run_study(load_study(str(file)), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
