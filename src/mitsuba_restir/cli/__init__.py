@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Sequence
 
 from .. import __version__
-from ..errors import RestirError, one_line
+from ..errors import RestirError, one_line, root
 from . import compare, doctor, render, scenes
 from .arguments import OneLineParser
 
@@ -48,12 +48,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             options = build_parser().parse_args(arguments)
             return int(options.run(options))
+        except KeyboardInterrupt:
+            return _interrupted()
         except RestirError as error:
+            # Ctrl-C inside a plugin arrives as the cause of an error of Dr.Jit's.
+            if isinstance(root(error), KeyboardInterrupt):
+                return _interrupted()
             print(f"mitsuba-restir: {one_line(error)}", file=sys.stderr)
             return error.exit_code
-        except KeyboardInterrupt:
-            print("mitsuba-restir: interrupted", file=sys.stderr)
-            return INTERRUPTED
+
+
+def _interrupted() -> int:
+    print("mitsuba-restir: interrupted", file=sys.stderr)
+    return INTERRUPTED
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -6,7 +6,7 @@ import argparse
 import importlib.resources
 import statistics
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -195,6 +195,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _track(items: Sequence[int], label: str) -> Iterable[int]:
+    console = Console(stderr=True)
+    return track(items, label, console=console, transient=True, disable=not console.is_terminal)
+
+
 def _path_seed(seed: int) -> Any:
     """Wrap a seed for `path`: an int would be compiled into the kernel, anew for every frame."""
     return dr.opaque(mi.UInt32, seed % 2**32)
@@ -209,7 +214,7 @@ def _render_all(
     runs: list[Run], scene: Any, sensor: Any, frames: int, seed: int, reference: Image
 ) -> None:
     """Render all variants frame by frame in turn, so that a busy machine cannot favour one."""
-    for frame in track(range(frames), "comparing", console=Console(stderr=True), transient=True):
+    for frame in _track(range(frames), "comparing"):
         for entry in runs:
             start = time.perf_counter()
             # restir_pt counts its frames itself: equal seeds still give fresh ones.
@@ -227,8 +232,7 @@ def _render_reference(
     batches = [REFERENCE_BATCH] * (spp // REFERENCE_BATCH)
     batches += [spp % REFERENCE_BATCH] if spp % REFERENCE_BATCH else []
     total = None
-    shown = track(batches, "reference", console=Console(stderr=True), transient=True)
-    for index, batch in enumerate(shown):
+    for index, batch in enumerate(_track(batches, "reference")):
         image = _render(scene, sensor, integrator, _path_seed(seed + 2**31 + index), batch)
         part = image.astype(np.float64) * (batch / spp)
         total = part if total is None else total + part

@@ -21,6 +21,7 @@ from ..imageio import Image
 STRIP = "compare.png"
 _MARGIN = 6
 _LABEL_HEIGHT = 34
+_LABEL_WIDTH = 170
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,8 @@ def strip(title: str, rows: Sequence[Row], reference: Image) -> np.ndarray:
     """
     frames = rows[0].frames
     height, width = reference.shape[:2]
-    cell_width, cell_height = width + _MARGIN, height + _LABEL_HEIGHT + _MARGIN
+    cell_width = max(width, _LABEL_WIDTH) + _MARGIN
+    cell_height = height + _LABEL_HEIGHT + _MARGIN
     size = (cell_width * (len(rows) + 1) + _MARGIN, cell_height * 2 + _LABEL_HEIGHT)
     canvas = Pillow.new("RGB", size, "white")
     draw = ImageDraw.Draw(canvas)

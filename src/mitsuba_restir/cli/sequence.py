@@ -68,7 +68,10 @@ def run_frames(
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console = Console(stderr=True)
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as progress:
         total = None if schedule.frames is None else schedule.warmup + schedule.frames
         task = progress.add_task("rendering", total=budget if total is None else total, state="")
         for done in itertools.count():

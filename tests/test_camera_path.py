@@ -1,0 +1,70 @@
+"""Camera paths: interpolation, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mitsuba_restir import camera_path
+from mitsuba_restir.errors import UsageError
+
+START = {"frame": 0, "origin": [0, 0, 0], "target": [0, 0, 1], "fov": 40}
+END = {"frame": 4, "origin": [4, 0, 0], "target": [0, 0, 9], "up": [1, 0, 0], "fov": 60}
+
+
+def test_poses_are_interpolated_and_held_at_the_ends():
+    path = camera_path.from_data({"keyframes": [START, END]})
+    assert path.length == 5
+    middle = path.pose(2)
+    np.testing.assert_allclose(middle.origin, [2, 0, 0])
+    np.testing.assert_allclose(middle.target, [0, 0, 5])
+    np.testing.assert_allclose(middle.up, [0.5, 0.5, 0])
+    assert middle.fov == 50
+    np.testing.assert_allclose(path.pose(9).origin, [4, 0, 0])
+
+
+def test_seconds_become_frames():
+    late = {**END, "time": 2.0}
+    del late["frame"]
+    assert camera_path.from_data({"fps": 10, "keyframes": [START, late]}).length == 21
+
+
+def test_json_and_toml_are_the_same(tmp_path):
+    (tmp_path / "a.json").write_text(json.dumps({"keyframes": [START]}))
+    (tmp_path / "a.toml").write_text(
+        "[[keyframes]]\nframe = 0\norigin = [0, 0, 0]\ntarget = [0, 0, 1]\nfov = 40\n"
+    )
+    one, two = (camera_path.load(tmp_path / name) for name in ("a.json", "a.toml"))
+    np.testing.assert_array_equal(one.vectors, two.vectors)
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        ([], "keyframes"),
+        ({"keyframes": []}, "at least one"),
+        ({"keyframes": [3]}, "keyframe 0"),
+        ({"keyframes": [START], "speed": 2}, "speed"),
+        ({"keyframes": [START], "fps": 0}, "fps"),
+        ({"keyframes": [{**START, "eye": 1}]}, "eye"),
+        ({"keyframes": [{**START, "time": 0}]}, "either"),
+        ({"keyframes": [{**START, "origin": [0, 0]}]}, "three numbers"),
+        ({"keyframes": [{**START, "origin": [0, 0, "x"]}]}, "finite"),
+        ({"keyframes": [{**START, "target": [0, 0, 0]}]}, "along up"),
+        ({"keyframes": [{**START, "target": [0, 1, 0]}]}, "along up"),
+        ({"keyframes": [{**START, "fov": 180}]}, "fov"),
+        ({"keyframes": [START, START]}, "increase"),
+        ({"keyframes": [{**START, "frame": -1}]}, "negative"),
+        ({"keyframes": [START, {k: v for k, v in END.items() if k != "fov"}]}, "all keyframes"),
+    ],
+)
+def test_wrong_keyframes_are_refused(data, word):
+    with pytest.raises(UsageError, match=word):
+        camera_path.from_data(data)
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.json", "{"), ("a.toml", "= 3"), ("a.yaml", "")])
+def test_wrong_files_are_refused(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UsageError, match=name):
+        camera_path.load(tmp_path / name)

@@ -1,0 +1,63 @@
+"""The comparison: its numbers, its files, and its use of references."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mitsuba_restir import cli, imageio
+from mitsuba_restir.cli.compare_report import Errors, Row, strip
+
+IMAGE = np.full((6, 8, 3), 0.5, dtype=np.float32)
+
+
+def row(label, milliseconds, frame, mean):
+    return Row(label, milliseconds, Errors(frame, frame / 2), Errors(mean, mean), 10, IMAGE, IMAGE)
+
+
+def test_gain_is_time_that_path_needs_for_the_same_error():
+    path = row("path", 20.0, 8.0, 0.8)
+    other = row("other", 40.0, 1.0, 0.1)
+    np.testing.assert_allclose(path.gains(path, trimmed=False), (1.0, 0.1, 1.0))
+    np.testing.assert_allclose(other.gains(path, trimmed=False), (4.0, 0.4, 4.0))
+    assert other.gains(path, trimmed=True)[0] == 4.0
+
+
+def test_strip_holds_every_picture():
+    rows = [row("a", 1, 1, 1), row("b", 1, 1, 1)]
+    picture = strip("title", rows, IMAGE)
+    grey = imageio.to_srgb8(IMAGE)[0, 0]
+    assert picture.dtype == np.uint8
+    assert np.sum(np.all(picture == grey, axis=2)) >= 6 * IMAGE[..., 0].size
+
+
+def test_srgb_of_nothing_finite_is_black():
+    image = np.array([[[np.nan, np.inf, 1.0]]])
+    np.testing.assert_array_equal(imageio.to_srgb8(image), [[[0, 0, 255]]])
+
+
+@pytest.mark.slow
+def test_comparison_writes_pictures_and_numbers(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    size = ["ajar", "--resolution", "32x18", "-p", "max_depth=3"]
+    reference = ["compare", *size, "--make-reference", "r.exr", "--reference-spp", "40"]
+    assert cli.main(reference) == 0
+    assert imageio.read_rgb(Path("r.exr")).shape == (18, 32, 3)
+    assert cli.main(["compare", *size, "--reference", "r.exr", "--frames", "3", "-o", "o"]) == 0
+    assert "spatiotemporal" in capsys.readouterr().out
+    variants = json.loads(Path("o/compare.json").read_text())["variants"]
+    labels = [variant["variant"] for variant in variants]
+    assert labels == ["path", "candidates", "spatial", "spatiotemporal"]
+    assert variants[0]["gain_last_frame"] == 1.0
+    assert all(np.isfinite(value) for entry in variants for value in list(entry.values())[1:])
+    assert Path("o/compare.csv").read_text().count("\n") == 5
+    assert Path("o/compare.png").stat().st_size > 0
+    np.testing.assert_array_equal(
+        imageio.read_rgb(Path("o/reference.exr")), imageio.read_rgb(Path("r.exr"))
+    )
+    capsys.readouterr()
+    wrong = ["compare", "ajar", "--resolution", "16x16", "--reference", "r.exr", "-o", "p"]
+    assert cli.main(wrong) == 2
+    assert "32x18" in capsys.readouterr().err
+    assert not Path("p").exists()
