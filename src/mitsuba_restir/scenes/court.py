@@ -167,7 +167,7 @@ def fountain() -> Piece:
         40,
     )
     dish = vessels.bowl("bronze", 0.46, 0.014)
-    water = quad((-0.95, 0.33, 0.95), (1.9, 0, 0), (0, 0, -1.9))
+    water = lathe([(0.93, 0.33), (0.0, 0.33)], 32)
     return [
         ("stone", basin),
         ("marble", stem),
