@@ -120,12 +120,12 @@ def test_intervals_cover_the_known_covariance() -> None:
     truth = ((lag * window).sum(axis=(2, 3)) - 0.3) / counts
     expected = float(truth.mean()) / scale
     hits = 0
-    for trial in range(100):
+    for trial in range(60):
         found = covariance.relative_covariance(
             _blotches(rng, 32, 0.3), reference, radius=RADIUS, resamples=400, seed=trial
         )
         hits += found.covariance.low <= expected <= found.covariance.high
-    assert 85 <= hits <= 100
+    assert 49 <= hits <= 60
 
 
 def test_white_noise_has_no_covariance() -> None:

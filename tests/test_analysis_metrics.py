@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mitsuba_restir.analysis import intervals, metrics
+from mitsuba_restir.analysis import denoise, intervals, metrics
 from mitsuba_restir.analysis.images import LUMINANCE_WEIGHTS, luminance, smoothed_reference
 
 rng = np.random.default_rng(20240501)
@@ -130,6 +130,15 @@ def test_flip_says_what_is_missing(
         metrics.hdr_flip(*pair)
 
 
+def test_denoising_removes_noise() -> None:
+    pytest.importorskip("mitsuba_oidn")
+    reference = np.full((32, 48, 3), 0.5)
+    image = reference * rng.lognormal(0.0, 0.3, reference.shape)
+    clean = denoise(image, albedo=reference)
+    assert clean.shape == image.shape
+    assert metrics.rmse(clean, reference) < 0.5 * metrics.rmse(image, reference)
+
+
 def test_smoothed_reference() -> None:
     flat = smoothed_reference(np.full((20, 30, 3), 2.0))
     np.testing.assert_allclose(flat, 2.0 * 1.01)
@@ -171,6 +180,25 @@ def test_ratio_interval_covers(paired: bool) -> None:
         return intervals.ratio_interval(first, second, paired=paired)
 
     assert 0.90 <= _coverage(build, 0.5) <= 0.99
+
+
+def test_median_interval_covers_and_holds_outliers() -> None:
+    def build() -> intervals.Interval:
+        return intervals.median_interval(rng.standard_cauchy(51))
+
+    assert _coverage(build, 0.0) >= 0.92
+    values = np.arange(9.0)
+    found = intervals.median_interval(values)
+    assert (found.low, found.value, found.high) == (1.0, 4.0, 7.0)
+
+
+def test_bootstrap_ratio() -> None:
+    def build() -> intervals.Interval:
+        common = rng.lognormal(0.0, 0.4, 30)
+        noise = rng.lognormal(0.0, 0.1, (2, 30))
+        return intervals.bootstrap_ratio(2.0 * common * noise[0], common * noise[1], resamples=500)
+
+    assert 0.88 <= _coverage(build, 2.0, trials=100) <= 1.0
 
 
 def test_jackknife_of_a_mean_is_student() -> None:

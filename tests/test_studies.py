@@ -18,11 +18,13 @@ import pytest
 
 import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
+from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.studies import load_study, packaged_studies, run_study
 from mitsuba_restir.studies.__main__ import main
 from mitsuba_restir.studies.config import Study, Variant, from_table, to_table
 from mitsuba_restir.studies.files import dump_study
+from mitsuba_restir.studies.quantities import QUANTITIES
 from mitsuba_restir.studies.rendering import Renderer, seed_of
 from mitsuba_restir.studies.store import StudyFolder
 
@@ -139,6 +141,12 @@ def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
         ('sizes = ["24x16"]', "sizes = []", "a list of strings"),
         ('"rmse"', '"rsme"', "unknown quantity 'rsme'; there are time, rmse"),
         ('"rmse"', '"equal_time"', "needs warmup = 0"),
+        ('"rmse"', '"temporal_covariance"', "needs keep = 'all' and at least 2 frames"),
+        (
+            "runs = 3\nseed = 5\nquantities = [",
+            'runs = 1\nquantities = ["bands", ',
+            "at least 2 runs",
+        ),
         ("spp = 64\nbatches = 4", "batches = 4", "give either file or spp"),
         ("batches = 4", "batches = 5", "no multiple of the 5 batches"),
         ("[reference]\nspp = 64\nbatches = 4", "", "needs a [reference]"),
@@ -240,6 +248,53 @@ def test_the_numbers_are_those_of_the_images(
     assert [float(r["value"]) for r in records] == [r.value.value for r in table.rows]
 
 
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_every_quantity_can_be_measured(
+    name: str, tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    if "flip" in name:
+        pytest.importorskip("flip_evaluator")
+    if "denoised" in name:
+        pytest.importorskip("mitsuba_oidn")
+    changes = [f'quantities=["{name}"]', "warmup=0", "keep='all'", 'sizes=["48x32"]']
+    table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
+    assert {row.variant for row in table.rows} >= {"better"}
+    assert all(np.isfinite([row.value.value, row.value.low]).all() for row in table.rows)
+    ratios = [row.ratio.value for row in table.rows if row.ratio is not None]
+    assert all(ratio > 0.0 for ratio in ratios) or name == "covariance"
+
+
+def test_equal_time_by_hand(tmp_path: Path, study: Study, log: list[tuple[str, int]]) -> None:
+    changes = ['quantities=["equal_time"]', "warmup=0", "keep='all'"]
+    changed = load_study(str(tmp_path / "small.toml"), changes)
+    rows = {(r.variant, r.quantity): r for r in run_study(changed, tmp_path / "out").rows}
+    folder = StudyFolder(tmp_path / "out", changed)
+    reference = reference_module.load_reference(folder, (24, 16))
+    assert reference is not None
+    error: dict[tuple[str, str], float] = {}
+    for name in ("plain", "better"):
+        runs = [folder.load_run((24, 16), name, index) for index in range(3)]
+        for kind, images in (
+            ("last", [run.last for run in runs if run]),
+            ("mean", [run.mean for run in runs if run]),
+            ("frames", [frame for run in runs if run for frame in run.frames]),
+        ):
+            errors = [
+                relmse(image, reference.image, reference_variance=reference.variance)
+                for image in images
+            ]
+            error[name, kind] = float(np.mean(errors))
+    # Every fake frame takes 0.01 s, and a run has 3 frames.
+    expected = {
+        "last frame at its own time": error["plain", "frames"] / error["better", "last"],
+        "last frame charged with all": error["plain", "frames"] / error["better", "last"] / 3,
+        "average of all frames": error["plain", "frames"] / error["better", "mean"] / 3,
+    }
+    for reading, value in expected.items():
+        found = rows["better", f"equal time: {reading}"].value
+        assert found.value == pytest.approx(value, rel=1e-5)
+
+
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 25, 27])
 def test_interrupted_studies_end_with_the_same_numbers(
     stop: int, study: Study, tmp_path: Path, log: list[tuple[str, int]]
@@ -263,6 +318,22 @@ def test_interrupted_studies_end_with_the_same_numbers(
     log.clear()
     run_study(study, out)
     assert log == []
+
+
+def test_ctrl_c_says_how_to_go_on(
+    study: Study,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def interrupted(study: Study) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runner, "load_scene", interrupted)
+    assert main([str(tmp_path / "small.toml"), "-o", str(tmp_path / "out")]) == 130
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert "the same command goes on" in lines[0]
 
 
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "moved", "other study"])

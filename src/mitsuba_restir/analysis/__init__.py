@@ -8,12 +8,15 @@ from .covariance import (
     temporal_covariance,
 )
 from .covariance_images import covariance_map, lag_covariance, pixel_covariance
+from .denoise import denoise
 from .images import luminance, smoothed_reference
 from .intervals import (
     Interval,
     PairedDifference,
     bootstrap_interval,
+    bootstrap_ratio,
     mean_interval,
+    median_interval,
     paired_difference,
     ratio_interval,
 )
@@ -41,9 +44,11 @@ __all__ = [
     "band_power",
     "batch_means",
     "bootstrap_interval",
+    "bootstrap_ratio",
     "compare_bands",
     "covariance_map",
     "covariance_ratio",
+    "denoise",
     "filtered_mse",
     "filtered_share",
     "hdr_flip",
@@ -53,6 +58,7 @@ __all__ = [
     "mean_interval",
     "mean_ratio",
     "mean_test",
+    "median_interval",
     "paired_difference",
     "pixel_covariance",
     "power_spectrum",

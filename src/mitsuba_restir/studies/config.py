@@ -149,14 +149,21 @@ class Study:
             raise UsageError(
                 f"{self.name}: unknown quantity '{unknown[0]}'; there are {', '.join(QUANTITIES)}"
             )
-        cold = [name for name in self.quantities if QUANTITIES[name].cold]
-        if cold and self.warmup:
-            raise UsageError(f"{self.name}: '{cold[0]}' starts from nothing: it needs warmup = 0")
-        needing = [name for name in self.quantities if QUANTITIES[name].needs_reference]
-        if needing and self.reference is None:
-            raise UsageError(f"{self.name}: '{needing[0]}' needs a [reference] with file or spp")
+        for name in self.quantities:
+            self._check_quantity(name)
         if self.reference and self.reference.file and len(self.sizes) > 1:
             raise UsageError(f"{self.name}: a reference file fits one size, not {len(self.sizes)}")
+
+    def _check_quantity(self, name: str) -> None:
+        needs = QUANTITIES[name]
+        if needs.needs_reference and self.reference is None:
+            raise UsageError(f"{self.name}: '{name}' needs a [reference] with file or spp")
+        if needs.cold and self.warmup:
+            raise UsageError(f"{self.name}: '{name}' starts from nothing: it needs warmup = 0")
+        if needs.sequences and (self.keep != "all" or self.frames < 2):
+            raise UsageError(f"{self.name}: '{name}' needs keep = 'all' and at least 2 frames")
+        if self.runs < needs.least_runs:
+            raise UsageError(f"{self.name}: '{name}' needs at least {needs.least_runs} runs")
 
 
 def to_table(study: Study) -> dict[str, Any]:

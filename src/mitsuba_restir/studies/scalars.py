@@ -1,0 +1,129 @@
+"""Quantities that are one number of each run, and what follows from them: errors and times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..analysis import intervals, metrics
+from ..analysis.images import FloatArray
+from ..analysis.intervals import Interval
+from .results import Measured, ReferenceImage, Row, Run
+
+
+def _lone(value: float) -> Interval:
+    nan = float("nan")
+    return Interval(value, nan, nan, nan)
+
+
+def make_row(
+    data: Measured, variant: str, quantity: str, unit: str, value: Interval, ratio: Interval | None
+) -> Row:
+    """Return a row of a variant, with the number of its runs."""
+    return Row(data.size, variant, quantity, unit, value, ratio, len(data.runs[variant]))
+
+
+def per_run(
+    data: Measured, quantity: str, unit: str, measure: Callable[[Run], float]
+) -> Iterator[Row]:
+    """One number of each run: mean over runs, and ratio of means to the baseline."""
+    values = {name: np.array([measure(run) for run in runs]) for name, runs in data.runs.items()}
+    base = values[data.baseline]
+    for name, own in values.items():
+        value = intervals.mean_interval(own) if own.size > 1 else _lone(float(own[0]))
+        ratio = _ratio(own, base) if name != data.baseline else None
+        yield make_row(data, name, quantity, unit, value, ratio)
+
+
+def _ratio(own: FloatArray, base: FloatArray) -> Interval | None:
+    if own.size < 2 or own.size != base.size:
+        return None
+    try:
+        return intervals.ratio_interval(own, base)
+    except ValueError:
+        # Errors from which the reference's variance was subtracted may be negative.
+        return None
+
+
+def reference_of(data: Measured) -> ReferenceImage:
+    """Return the reference (ValueError where there is none)."""
+    if data.reference is None:
+        raise ValueError("There is no reference.")
+    return data.reference
+
+
+def frame_time(data: Measured) -> Iterator[Row]:
+    """Median time of a frame; as the ratio, the median over interleaved pairs of frames."""
+    times = {
+        name: 1e3 * np.concatenate([run.times for run in runs]) for name, runs in data.runs.items()
+    }
+    base = times[data.baseline]
+    for name, own in times.items():
+        value = intervals.median_interval(own) if own.size > 1 else _lone(float(own[0]))
+        ratio = None
+        if name != data.baseline and own.size == base.size > 1:
+            # Frame by frame: both were rendered one after the other, under the same load.
+            ratio = intervals.median_interval(own / base)
+        yield make_row(data, name, "time of a frame", "ms", value, ratio)
+
+
+def of_last(
+    name: str, measure: Callable[[Measured, Run, ReferenceImage], float], unit: str = ""
+) -> Callable[[Measured], Iterator[Row]]:
+    """Make a quantity of one number of each run, given the data, the run and the reference."""
+
+    def rows(data: Measured) -> Iterator[Row]:
+        reference = reference_of(data)
+        return per_run(data, name, unit, lambda run: measure(data, run, reference))
+
+    return rows
+
+
+def relmse(data: Measured, image: ArrayLike, trim: float) -> float:
+    """Relative mean squared error with the study's epsilon and the reference's own variance."""
+    reference = reference_of(data)
+    return metrics.trimmed_relmse(
+        image,
+        reference.image,
+        epsilon=data.epsilon,
+        trim=trim,
+        reference_variance=reference.variance,
+    )
+
+
+def equal_time(data: Measured) -> Iterator[Row]:
+    """
+    Error of one frame of the baseline at its time, over error times time of a variant.
+
+    Above 1, a variant is better than the baseline given the same time. Three readings, always
+    together: the last frame at its own time, the last frame charged with all frames, and the
+    average of all frames. For the baseline itself only the last says anything: 1, but for noise and
+    the time of averaging, or for what trimming does.
+    """
+    base_runs = data.runs[data.baseline]
+    base_time = float(np.median(np.concatenate([run.times for run in base_runs])))
+    for label, trim in (("", 0.0), (", trimmed", data.trim)):
+        base = base_time * np.array([_error_of_a_frame(data, run, trim) for run in base_runs])
+        for name, runs in data.runs.items():
+            own_time = float(np.median([run.times[-1] for run in runs]))
+            all_time = float(np.median([run.times.sum() for run in runs]))
+            last = np.array([relmse(data, run.last, trim) for run in runs])
+            average = np.array([relmse(data, run.mean, trim) for run in runs])
+            readings = [("average of all frames", average * all_time)]
+            if name != data.baseline:
+                readings = [
+                    ("last frame at its own time", last * own_time),
+                    ("last frame charged with all", last * all_time),
+                    *readings,
+                ]
+            for reading, cost in readings:
+                value = intervals.bootstrap_ratio(base, cost)
+                yield make_row(data, name, f"equal time: {reading}{label}", "x", value, None)
+
+
+def _error_of_a_frame(data: Measured, run: Run, trim: float) -> float:
+    """Mean over the frames of a run, where they are kept: one frame's error is very noisy."""
+    frames = run.last[None] if run.frames is None else run.frames
+    return float(np.mean([relmse(data, frame, trim) for frame in frames]))
