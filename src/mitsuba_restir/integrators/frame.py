@@ -10,8 +10,9 @@ import drjit as dr
 import mitsuba as mi
 
 from ..passes.initial import initial
-from ..passes.primary import primary
+from ..passes.primary import Primary
 from ..passes.reproject import reproject
+from ..passes.retrace import retrace
 from ..passes.shade import auxiliary, reservoir_color
 from ..passes.spatial import spatial
 from ..passes.temporal import temporal
@@ -59,10 +60,6 @@ class Plan:
     mapping : ShiftMapping
     width, height : int
         Size of the crop window [pixels].
-    follows : bool
-        Whether the sensor's history can be re-projected.
-    skip_emitters : callable or None
-        See :func:`mitsuba_restir.passes.primary.primary`.
     """
 
     parameters: Parameters
@@ -70,8 +67,6 @@ class Plan:
     mapping: ShiftMapping
     width: int
     height: int
-    follows: bool
-    skip_emitters: Callable[..., Any] | None
 
 
 def no_history(pixels: int) -> History:
@@ -85,20 +80,47 @@ def no_history(pixels: int) -> History:
     return history
 
 
+def frame_renderer(plan: Plan) -> Callable[..., Frame]:
+    """:func:`render_frame` with the plan bound, recorded once and replayed from then on.
+
+    Freezing skips re-tracing the Python code; the kernels are the same, so the images are too.
+    """
+
+    @dr.freeze
+    def frozen(
+        scene: mi.Scene,
+        sensor: mi.Sensor | None,
+        now: Primary,
+        history: History,
+        camera: Camera | None,
+        sample: Any,
+        seed: Any,
+        spp: Any,
+    ) -> Frame:
+        return render_frame(plan, scene, sensor, now, history, camera, sample, seed, spp)
+
+    return frozen
+
+
 def render_frame(
     plan: Plan,
     scene: mi.Scene,
-    sensor: mi.Sensor,
+    sensor: mi.Sensor | None,
+    now: Primary,
     history: History,
     camera: Camera | None,
     sample: Any,
     seed: Any,
     spp: Any,
 ) -> Frame:
-    """Render one frame.
+    """Render one frame from its primary hits.
 
     Parameters
     ----------
+    sensor : Sensor or None
+        Samples wavelengths; only spectral variants need it.
+    now : Primary
+        The frame's primary hits.
     history : History
         What the previous frame left.
     camera : Camera or None
@@ -108,10 +130,6 @@ def render_frame(
     """
     parameters, mapping = plan.parameters, plan.mapping
     size = (dr.opaque(mi.UInt32, plan.width), dr.opaque(mi.UInt32, plan.height))
-    now = primary(
-        scene, sensor, size, plan.width * plan.height, sample, seed, plan.skip_emitters
-    )
-    dr.eval(now)
     reservoirs = initial(
         scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping
     )
@@ -123,13 +141,18 @@ def render_frame(
     if parameters.temporal and camera is not None:
         motion = reproject(now, history.hits, camera, size)
         matched, flow = motion.valid, motion.flow
+        before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
+        hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
+        if parameters.retrace_history:
+            before = retrace(scene, sensor, before, hit_before, mapping, motion.valid)
+            dr.eval(before)
         reservoirs, outcome = temporal(
             scene,
             sensor,
             reservoirs,
             now.hit,
-            dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid),
-            dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid),
+            before,
+            hit_before,
             motion.valid,
             parameters.confidence_cap,
             sample,

@@ -8,31 +8,123 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..passes.primary import primary
 from ..passes.shade import AOV_CHANNELS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
 from ..paths.settings import PathLimits
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
-from ..shifts.mapping import shift_mapping
-from .frame import Frame, History, Plan, no_history, render_frame
+from ..shifts.mapping import OUTCOMES, shift_mapping
+from .border import check_scene, check_sensor, check_variant
+from .frame import Frame, History, Plan, frame_renderer, no_history
 from .parameters import read_parameters
+
+NEAR_FRACTION = 0.03
+"""Distance threshold of ``distance_roughness`` as a fraction of the scene's radius."""
 
 
 class ReSTIRPTIntegrator(mi.CppADIntegrator):
     r"""
     .. _integrator-restir_pt:
+
+    ReSTIR path tracer (:monosp:`restir_pt`)
+    ----------------------------------------
+
+    .. pluginparameters::
+
+     * - max_depth
+       - |int|
+       - Longest path depth, as in :ref:`path <integrator-path>`: 1 is directly visible emission, 2
+         direct illumination, -1 no limit. (Default: -1)
+
+     * - rr_depth
+       - |int|
+       - Depth from which initial candidates are subject to Russian roulette. (Default: 5)
+
+     * - hide_emitters
+       - |bool|
+       - Hide directly visible emitters. (Default: |false|)
+
+     * - temporal, spatial
+       - |bool|
+       - Which reuse passes run. (Default: |true|, |true|)
+
+     * - spatial_neighbors
+       - |int|
+       - Neighbours requested per pixel and round. (Default: 3)
+
+     * - spatial_radius
+       - |float|
+       - Radius of the disk they are drawn from [pixels]. (Default: 20)
+
+     * - spatial_rounds
+       - |int|
+       - Rounds of spatial reuse per frame. (Default: 1)
+
+     * - confidence_cap
+       - |float|
+       - Largest confidence of the history, relative to the current frame's candidates. (Default: 20)
+
+     * - shift
+       - |string|
+       - Shift mapping: ``hybrid``, ``reconnection`` or ``random_replay``. (Default: ``hybrid``)
+
+     * - connectability
+       - |string|
+       - Test for the reconnection vertex: ``footprint`` or ``distance_roughness``.
+         (Default: ``footprint``)
+
+     * - retrace_history
+       - |bool|
+       - Trace the history's paths again in the current scene before they are reused. Needed where
+         the scene changes between frames and :py:meth:`reset` is not called. (Default: |false|)
+
+     * - aovs
+       - |string|
+       - Auxiliary images as ``name:type, ...`` with the types ``albedo``, ``sh_normal``, ``depth``,
+         ``position``, ``motion`` (previous minus current film position [pixels]) and
+         ``confidence``. (Default: none)
+
+    Renders with generalised resampled importance sampling (Lin et al. 2022): the candidate paths of
+    a pixel are resampled together with those of its neighbours and of earlier frames. One call of
+    :py:func:`mitsuba.render` renders one frame, and ``spp`` is the number of candidate paths per
+    pixel and frame. The history stays in the integrator until :py:meth:`reset`, or until the scene,
+    the film size or the kind of sensor changes.
+
+    - Every mode converges to the image of ``path``; frames of one sequence are correlated.
+    - A pixel's candidates share one sub-pixel (and lens) position per frame, so antialiasing comes
+      from averaging frames.
+    - Use a ``box`` reconstruction filter: a wider one correlates pixels and defeats denoisers.
+    - ``perspective`` and ``thinlens`` sensors have all reuse, other sensors spatial reuse only.
+    - Participating media and polarized or scalar variants are not supported.
+
+    .. tabs::
+
+        .. code-tab:: xml
+
+            <integrator type="restir_pt">
+                <integer name="max_depth" value="8"/>
+            </integrator>
+
+        .. code-tab:: python
+
+            'type': 'restir_pt',
+            'max_depth': 8
     """
 
     def __init__(self, props: mi.Properties) -> None:
+        check_variant()
         super().__init__(props)
         self.parameters = read_parameters(props)
         self.reset()
 
     def reset(self) -> None:
         """Forget the history: the next frame starts from nothing."""
+        self._scene: mi.Scene | None = None
+        self._shape: tuple[Any, ...] = ()
+        self._plan: Plan | None = None
         self._history: History | None = None
         self._camera: Camera | None = None
-        self._plan: Plan | None = None
-        self._key: tuple[Any, ...] = ()
+        self._frame: Frame | None = None
         self._sample = 0
 
     def render(
@@ -44,29 +136,55 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         develop: bool = True,
         evaluate: bool = True,
     ) -> mi.TensorXf:
+        """Render one frame.
+
+        Parameters
+        ----------
+        seed : int
+            Seed of the frame. Frames with equal seeds still differ: their running number is hashed
+            with it.
+        spp : int
+            Candidate paths per pixel (0: the sensor's sampler decides).
+
+        Returns
+        -------
+        mi.TensorXf
+            The developed film, shape (height, width, channels).
+
+        Raises
+        ------
+        ValueError
+            For a scene, sensor or film that the integrator cannot render.
+        """
+        if not develop:
+            raise ValueError("restir_pt: develop=False is not supported; a call returns one frame")
         if isinstance(sensor, int):
             sensor = scene.sensors()[sensor]
-        film = sensor.film()
         spp = spp or sensor.sampler().sample_count()
         with dr.suspend_grad():
             self._prepare(scene, sensor)
-            assert self._plan is not None and self._history is not None
-            frame = render_frame(
-                self._plan,
+            sample, seed = dr.opaque(mi.UInt32, self._sample), dr.opaque(mi.UInt32, seed)
+            skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
+            # The camera rays stay outside the frozen part: not every sensor of Mitsuba 3.9 exposes
+            # all of its state to it.
+            now = primary(scene, sensor, sample, seed, skip_emitters)
+            dr.eval(now)
+            frame = self._render_frame(
                 scene,
-                sensor,
+                sensor if mi.is_spectral else None,
+                now,
                 self._history,
                 self._camera,
-                dr.opaque(mi.UInt32, self._sample),
-                dr.opaque(mi.UInt32, seed),
+                sample,
+                seed,
                 dr.opaque(mi.UInt32, spp),
             )
             self._history = frame.history
-            if self._plan.follows:
+            if self._camera is not None:
                 self._camera = copy_camera(sensor)
             self._sample += spp
             self._frame = frame
-            return self._develop(film, frame)
+            return self._develop(sensor.film(), frame)
 
     def aov_names(self) -> list[str]:
         return [
@@ -75,40 +193,75 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             for suffix in AOV_CHANNELS[kind]
         ]
 
+    def statistics(self) -> dict[str, Any]:
+        """What the last frame's reuse did.
+
+        Returns
+        -------
+        dict
+            ``matched``: share of pixels that found their history. One entry per reuse pass
+            (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
+            something to shift.
+        """
+        if self._frame is None:
+            raise ValueError("restir_pt: there are no statistics before the first frame")
+        passes = ["temporal"] if len(self._frame.outcomes) > self._spatial_rounds() else []
+        passes += [f"spatial_{i}" for i in range(self._spatial_rounds())]
+        shares = {
+            name: _outcome_shares(packed, 2 * (1 if name == "temporal" else self._neighbors()))
+            for name, packed in zip(passes, self._frame.outcomes, strict=True)
+        }
+        return {"matched": float(dr.mean(mi.Float(self._frame.matched))[0]), **shares}
+
+    def to_string(self) -> str:
+        return f"ReSTIRPTIntegrator[{self.parameters}]"
+
+    def _spatial_rounds(self) -> int:
+        return self.parameters.spatial_rounds if self.parameters.spatial else 0
+
+    def _neighbors(self) -> int:
+        return self.parameters.spatial_neighbors
+
     def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
-        film = sensor.film()
-        width, height = film.crop_size()
-        key = (id(scene), sensor.class_name(), width, height)
-        if self._plan is not None and key == self._key:
+        """Check the inputs and start a new history where the old one does not fit."""
+        width, height = sensor.film().crop_size()
+        shape = (sensor.class_name(), width, height)
+        if scene is self._scene and shape == self._shape:
             return
+        check_scene(scene)
+        check_sensor(sensor)
         self.reset()
-        self._key = key
+        self._scene, self._shape = scene, shape
         parameters = self.parameters
-        follows = sensor.class_name() in REPROJECTABLE
         self._plan = Plan(
             parameters,
             PathLimits(parameters.max_depth, parameters.rr_depth),
             shift_mapping(parameters.shift, _criterion(parameters.connectability, scene)),
             width,
             height,
-            follows,
-            self.skip_area_emitters if parameters.hide_emitters else None,
         )
+        self._render_frame = frame_renderer(self._plan)
         self._history = no_history(width * height)
-        if follows:
+        if sensor.class_name() in REPROJECTABLE:
             self._camera = copy_camera(sensor)
+        elif parameters.temporal:
+            warnings.warn(
+                f"restir_pt: {sensor.class_name()} cannot be re-projected; rendering without "
+                "temporal reuse (use perspective or thinlens to have it)",
+                stacklevel=2,
+            )
 
     def _develop(self, film: mi.Film, frame: Frame) -> mi.TensorXf:
         film.prepare(self.aov_names())
         block = film.create_block()
         block.set_coalesce(False)
-        width = self._plan.width
-        index = dr.arange(mi.UInt32, width * self._plan.height)
-        y = index // width
-        position = mi.Point2f(mi.Point2u(index - y * width, y)) + 0.5 + mi.Point2f(film.crop_offset())
-        color = frame.color
+        width, height = film.crop_size()
+        index = dr.arange(mi.UInt32, width * height)
+        y = index // dr.opaque(mi.UInt32, width)
+        x = index - y * width
+        center = mi.Point2f(x, y) + 0.5 + mi.Vector2f(film.crop_offset())
         alpha = [frame.alpha] if mi.has_flag(film.flags(), mi.FilmFlags.Alpha) else []
-        block.put(position, [*color, *alpha, mi.Float(1), *frame.auxiliary])
+        block.put(center, [*frame.color, *alpha, mi.Float(1), *frame.auxiliary])
         film.put_block(block)
         return film.develop()
 
@@ -116,8 +269,17 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 def _criterion(name: str, scene: mi.Scene) -> Criterion:
     if name == "footprint":
         return Footprint()
-    radius = float(dr.norm(scene.bbox().extents())) / 2
-    return DistanceRoughness(0.03 * radius)
+    return DistanceRoughness(NEAR_FRACTION * float(dr.norm(scene.bbox().extents())) / 2)
 
 
-mi.register_integrator("restir_pt", lambda props: ReSTIRPTIntegrator(props))
+def _outcome_shares(packed: Any, shifts: int) -> dict[str, float]:
+    """Share of each outcome among ``shifts`` shifts per pixel, packed 3 bits each."""
+    counts = [
+        sum(int(dr.count((packed >> (3 * i)) & 7 == code)[0]) for i in range(shifts))
+        for code in range(len(OUTCOMES))
+    ]
+    tried = max(sum(counts) - counts[1], 1)
+    return {name: n / tried for name, n in zip(OUTCOMES, counts, strict=True) if name != "empty"}
+
+
+mi.register_integrator("restir_pt", ReSTIRPTIntegrator)

@@ -35,8 +35,6 @@ class Primary:
 def primary(
     scene: mi.Scene,
     sensor: mi.Sensor,
-    size: tuple[Any, Any],
-    count: int,
     sample: Any,
     seed: Any,
     skip_emitters: Callable[..., Any] | None,
@@ -45,17 +43,16 @@ def primary(
 
     Parameters
     ----------
-    size : (UInt32, UInt32)
-        Width and height of the crop window.
-    count : int
-        Number of pixels.
+    sample, seed : UInt32
+        Running number of the frame's first sample and the user's seed (opaque).
     skip_emitters : callable or None
         ``(scene, ray, coherent, active) -> PreliminaryIntersection3f`` past all area lights, which
         hides directly visible lights; None shows them.
     """
-    pixel = dr.arange(mi.UInt32, count)
+    columns, rows = sensor.film().crop_size()
+    width, height = dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows)
+    pixel = dr.arange(mi.UInt32, columns * rows)
     choices = pass_stream(PRIMARY, pixel, sample, seed)
-    width, height = size
     y = pixel // width
     x = pixel - y * width
     jitter = mi.Point2f(*uniform2(choices, 0, 0))

@@ -42,9 +42,8 @@ def reproject(
     y = dr.minimum(mi.UInt32(uv.y * height), height - 1)
     pixel = dr.select(inside, y * width + x, 0)
     before = dr.gather(PrimaryHit, previous_hits, pixel, inside)
-    expected = dr.norm(now.hit.vertex.p - before.origin)
     return Motion(
         pixel,
-        inside & similar(now.hit, before, expected),
+        inside & similar(now.hit, before),
         (mi.Vector2f(uv) - mi.Vector2f(now.film)) * mi.Vector2f(width, height),
     )

@@ -16,7 +16,7 @@ NORMAL_COSINE = 0.5
 """Smallest cosine between the shading normals of two pixels that share paths."""
 
 DEPTH_RATIO = 0.1
-"""Largest relative difference of their distances to the camera."""
+"""Largest distance of one hit from the other's tangent plane, relative to its camera distance."""
 
 
 def with_confidence(reservoir: Reservoir, confidence: Any) -> Reservoir:
@@ -29,18 +29,17 @@ def with_factor(path: PathRecord, factor: Any) -> PathRecord:
     return replace(path, jacobian=factor)
 
 
-def similar(hit: PrimaryHit, other: PrimaryHit, expected_depth: Any) -> Any:
+def similar(hit: PrimaryHit, other: PrimaryHit) -> Any:
     """Whether two primary hits may share paths, by normal and depth alone.
 
-    Parameters
-    ----------
-    expected_depth : Float
-        Distance that ``other`` should have from its own camera if both saw the same surface.
+    Depth is compared across the tangent plane, so that a surface seen at a grazing angle is similar
+    to itself.
     """
-    depth = dr.norm(other.vertex.p - other.origin)
+    span = other.vertex.p - hit.vertex.p
+    depth = dr.norm(hit.vertex.p - hit.origin)
     return (
         exists(hit.vertex)
         & exists(other.vertex)
         & (dr.dot(hit.normal, other.normal) >= NORMAL_COSINE)
-        & (dr.abs(depth - expected_depth) <= DEPTH_RATIO * expected_depth)
+        & (dr.abs(dr.dot(hit.normal, span)) <= DEPTH_RATIO * depth)
     )

@@ -67,7 +67,6 @@ def spatial(
     """
     pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
     choices = pass_stream(SPATIAL, pixel, sample, seed ^ (round_index << 24))
-    depth = dr.norm(hits.vertex.p - hits.origin)
     canonical = reservoirs.color * reservoirs.weight
     fraction = reservoirs.confidence / neighbors
     own = fraction * target(reservoirs.color)
@@ -84,7 +83,7 @@ def spatial(
     while dr.hint(i < neighbors, exclude=[mapping], label="Spatial reuse"):
         other, inside = disk_neighbor(choices, i, pixel, size, radius)
         near = dr.gather(PrimaryHit, hits, other, inside)
-        valid = inside & similar(hits, near, depth)
+        valid = inside & similar(hits, near)
         theirs = dr.gather(Reservoir, reservoirs, other, valid)
 
         forward = shift(

@@ -37,7 +37,7 @@ def copy_camera(sensor: mi.Sensor) -> Camera:
         film.crop_size(),
         film.crop_offset(),
         parameters["x_fov"],
-        sensor.near_clip() if hasattr(sensor, "near_clip") else parameters["near_clip"],
+        parameters["near_clip"],
         parameters["far_clip"],
     )
     lens = "aperture_radius" in parameters
@@ -45,8 +45,8 @@ def copy_camera(sensor: mi.Sensor) -> Camera:
         mi.Matrix4f(parameters["to_world"].inverse().matrix),
         mi.Matrix4f(to_sample.matrix),
         mi.Vector2f(
-            mi.Float(parameters["principal_point_offset_x"]),
-            mi.Float(parameters["principal_point_offset_y"]),
+            mi.Float(0 if lens else parameters["principal_point_offset_x"]),
+            mi.Float(0 if lens else parameters["principal_point_offset_y"]),
         ),
         mi.Float(parameters["aperture_radius"] if lens else 0),
         mi.Float(parameters["focus_distance"] if lens else 1),

@@ -1,0 +1,157 @@
+"""Temporal retrace: bring the history's paths into the current scene before they are reused.
+
+Lights, materials and geometry may have changed since a path was stored. Its random numbers have
+not, so the same primary sample is traced again from the reconnection vertex on, and the whole path
+is then shifted to its own pixel of the previous frame, in the current scene: the previous target
+function is that of the new scene for both inputs of the temporal merge, and the Jacobian of this
+shift carries the contribution weight over.
+
+A path that did not exist in the old scene cannot be in the history, although the current scene's
+target function says that it could be: where light reaches a surface that it did not reach before,
+the frame of the change is too dark, and the error fades as the history refills.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..paths import record as kinds
+from ..paths.primary_hit import PrimaryHit
+from ..paths.record import PathRecord, edge_count, ends_by_nee, kind_of, reconnection_index
+from ..paths.scattering import (
+    balance,
+    can_connect,
+    emission,
+    evaluate,
+    nee_weight,
+    sample_light,
+    scatter,
+)
+from ..paths.spectrum import wavelengths
+from ..paths.vertex import seen_from
+from ..resampling.reservoir import Reservoir
+from ..sampling.streams import path_stream
+from ..shifts.hybrid import shift
+from ..shifts.mapping import ShiftMapping
+from .reuse import with_factor
+
+
+def retrace(
+    scene: mi.Scene,
+    sensor: mi.Sensor,
+    history: Reservoir,
+    hit: PrimaryHit,
+    mapping: ShiftMapping,
+    active: Any,
+) -> Reservoir:
+    """Evaluate the history's paths again in the current scene.
+
+    Parameters
+    ----------
+    history, hit : Reservoir, PrimaryHit
+        The previous frame's reservoirs and primary hits, gathered to the current pixels.
+
+    Returns
+    -------
+    Reservoir
+        The same paths in the current scene; weight 0 where a path no longer carries light.
+    """
+    active = active & (history.weight > 0)
+    path = _retrace_suffix(scene, sensor, history.path, hit, active)
+    renewed = shift(scene, sensor, path, hit, mapping, active)
+    return Reservoir(
+        with_factor(path, renewed.factor),
+        renewed.color,
+        dr.select(
+            dr.max(renewed.color) > 0, history.weight * renewed.jacobian, 0
+        ),
+        history.confidence,
+    )
+
+
+@dr.syntax
+def _retrace_suffix(
+    scene: mi.Scene, sensor: mi.Sensor, path: PathRecord, hit: PrimaryHit, active: Any
+) -> PathRecord:
+    """Trace everything after x_k again with the path's own numbers."""
+    stream = path_stream(path.pixel, path.sample, path.seed)
+    lambdas, _ = wavelengths(sensor, stream)
+    kind, k, d = kind_of(path), reconnection_index(path), edge_count(path)
+    by_nee = ends_by_nee(path)
+    from_vertex = active & (kind >= kinds.FAR) & (kind <= kinds.HIT)
+
+    # Where the geometry moved, a vertex of a mesh moves with it.
+    ray_k, pi_k = seen_from(path.vertex, hit.vertex.p, lambdas)
+    si_k = pi_k.compute_surface_interaction(ray_k, active=active)
+    moved = dr.select(si_k.is_valid(), si_k.p, path.vertex.p)
+
+    # ------------------------------ light sampled from x_k --------------------------------------
+
+    sampled = from_vertex & (kind == kinds.NEE)
+    light = sample_light(scene, si_k, stream, k, True, sampled)
+
+    # ------------------------------ light found along the stored direction ----------------------
+
+    to_environment = active & (kind == kinds.ENVIRONMENT)
+    ray = si_k.spawn_ray(path.wo)
+    pi = scene.ray_intersect_preliminary(ray, coherent=False, active=from_vertex & ~sampled)
+    origin = dr.select(to_environment, hit.vertex.p, si_k.p)
+    si = pi.compute_surface_interaction(ray)
+    found = to_environment | (from_vertex & (kind == kinds.HIT))
+    emitted, light_pdf = emission(scene, si, origin, found)
+
+    # ------------------------------ longer suffixes ---------------------------------------------
+
+    walking = from_vertex & (kind == kinds.FAR) & pi.is_valid()
+    j = k + 1
+    suffix = mi.Spectrum(1)
+    radiance = mi.Spectrum(0)
+    start = mi.Point3f(si_k.p)
+    pdf = mi.Float(0)
+    delta = mi.Bool(False)
+
+    while dr.hint(walking, label="Temporal retrace"):
+        si_j = pi.compute_surface_interaction(ray)
+        bsdf = si_j.bsdf()
+
+        last = walking & ~by_nee & (j == d)
+        emitted_j, pdf_j = emission(scene, si_j, start, last)
+        hit_mis = balance(pdf, dr.select(delta, 0, pdf_j))
+        radiance = dr.select(last, suffix * emitted_j * hit_mis, radiance)
+        walking &= ~last & si_j.is_valid()
+
+        lit = walking & by_nee & (j + 1 == d)
+        light_j = sample_light(scene, si_j, stream, j, True, lit & can_connect(bsdf))
+        value, nee_pdf = evaluate(si_j, bsdf, light_j.d, light_j.valid)
+        nee_mis = nee_weight(dr.select(light_j.delta, 0, light_j.pdf), nee_pdf)
+        radiance = dr.select(
+            lit & light_j.valid, suffix * value * light_j.weight * nee_mis, radiance
+        )
+        walking &= ~lit
+
+        bounce = scatter(si_j, bsdf, stream, j, walking)
+        suffix *= bounce.weight
+        pdf, delta = bounce.pdf, bounce.delta
+        start = mi.Point3f(si_j.p)
+        ray = si_j.spawn_ray(bounce.wo)
+        walking &= dr.max(dr.abs(suffix)) > 0
+        pi = scene.ray_intersect_preliminary(ray, coherent=False, active=walking)
+        j += 1
+
+    radiance = dr.select(found, emitted, dr.select(sampled, light.weight, radiance))
+    renewed = from_vertex | to_environment
+    return replace(
+        path,
+        vertex=replace(path.vertex, p=moved),
+        wo=dr.select(sampled, light.d, path.wo),
+        radiance=dr.select(renewed, radiance, path.radiance),
+        light_pdf=dr.select(
+            found,
+            light_pdf,
+            dr.select(sampled & ~light.delta, light.pdf, dr.select(sampled, 0, path.light_pdf)),
+        ),
+    )
