@@ -5,13 +5,11 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
-import numpy.typing as npt
 
 from .. import __version__, camera_path
 from ..errors import RenderError, UsageError, one_line, root
@@ -20,6 +18,7 @@ from . import denoising, loading, output
 from .arguments import as_dict, assignment, integer, positive_seconds, resolution
 from .parameters import parse_aovs, parse_parameters
 from .sequence import Schedule, run_frames
+from .writer import Writer
 
 MAX_FRAMES = 1_000_000
 MAX_SPP = 65_536
@@ -117,69 +116,6 @@ def add_command(commands: Any) -> None:
         help="keep the scene's reconstruction filter instead of a box",
     )
     parser.set_defaults(run=run)
-
-
-@dataclass
-class Writer:
-    """
-    Turns rendered frames into files: selects channels, averages, denoises.
-
-    Fields
-    ------
-    target : Output
-    channels : sequence of str
-        Names of the rendered channels.
-    kept : sequence of str
-        Names of those that are written.
-    guides : mapping
-        AOV type to AOV name, of what the denoiser needs; empty without denoising.
-    average : bool
-        Keep a running sum instead of writing each frame.
-    metadata : mapping
-        For the header of each EXR.
-    """
-
-    target: output.Output
-    channels: Sequence[str]
-    kept: Sequence[str]
-    guides: Mapping[str, str]
-    average: bool
-    metadata: Mapping[str, str]
-    written: list[Path] = field(default_factory=list)
-    frames: int = 0
-    _sum: npt.NDArray[np.float64] | None = None
-
-    def add(self, frame: int, image: Image) -> None:
-        """Take one frame."""
-        self.frames += 1
-        if self.average:
-            total = np.zeros(image.shape) if self._sum is None else self._sum
-            self._sum = total + image
-        else:
-            self._write(frame, image, {"frame": str(frame)})
-
-    def finish(self) -> None:
-        """Write the average, if there is one to write."""
-        if self._sum is not None:
-            mean = (self._sum / self.frames).astype(np.float32)
-            self._write(0, mean, {"frames averaged": str(self.frames)})
-
-    def _select(self, image: Image, names: Sequence[str]) -> Image:
-        return image[..., [self.channels.index(name) for name in names]]
-
-    def _layer(self, image: Image, name: str) -> Image:
-        names = [channel for channel in self.channels if channel.startswith(f"{name}.")]
-        return self._select(image, names)
-
-    def _write(self, frame: int, image: Image, more: Mapping[str, str]) -> None:
-        metadata = {**self.metadata, **more}
-        kept = self._select(image, self.kept)
-        self.written += self.target.write(frame, kept, self.kept, metadata)
-        if self.guides:
-            layers = [self._layer(image, self.guides[kind]) for kind in denoising.GUIDES]
-            clean = denoising.denoise(self._select(image, RGB), *layers)
-            metadata["denoised"] = "Intel Open Image Denoise"
-            self.written += self.target.write(frame, clean, RGB, metadata, "_denoised")
 
 
 def run(options: argparse.Namespace) -> int:
