@@ -317,6 +317,18 @@ def test_render_writes_aovs_under_mitsuba_s_names(folder):
 
 
 @pytest.mark.slow
+def test_mono_variant_writes_grey(folder):
+    try:
+        arguments = ["render", "tiny.xml", "-m", "llvm_ad_mono", "--aovs", "depth"]
+        assert cli.main([*arguments, "-o", "out.exr"]) == 0
+    finally:
+        mi.set_variant("llvm_ad_rgb")
+    image = np.array(mi.Bitmap("out.exr"))
+    assert image.shape == (6, 8, 4)
+    np.testing.assert_array_equal(image[..., 0], image[..., 1])
+
+
+@pytest.mark.slow
 def test_denoised_picture_is_written_beside(folder):
     pytest.importorskip("mitsuba_oidn")
     arguments = ["render", "ajar", "--resolution", "32x18", "--frames", "2", "--denoise"]

@@ -17,6 +17,23 @@ Image = npt.NDArray[np.float32]
 RGB = ("R", "G", "B")
 
 
+def with_rgb(image: npt.ArrayLike, extra: int) -> Image:
+    """
+    Return an image whose first channels are red, green and blue, also in mono variants.
+
+    Parameters
+    ----------
+    image : array_like, (H, W, 1 + extra) or (H, W, 3 + extra)
+        As rendered.
+    extra : int
+        Number of channels after the colour.
+    """
+    pixels = np.asarray(image, dtype=np.float32)
+    if pixels.shape[2] == 1 + extra:
+        return np.concatenate([pixels[..., :1]] * 2 + [pixels], axis=2)
+    return pixels
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """
     Write a file under a temporary name beside its place, then rename it.

@@ -207,7 +207,7 @@ def _path_seed(seed: int) -> Any:
 
 def _render(scene: Any, sensor: Any, integrator: Any, seed: Any, spp: int = 1) -> Image:
     image = mi.render(scene, integrator=integrator, sensor=sensor, spp=spp, seed=seed)
-    return np.array(image, dtype=np.float32)[..., :3]
+    return imageio.with_rgb(image, 0)
 
 
 def _render_all(

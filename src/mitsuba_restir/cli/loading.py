@@ -131,8 +131,9 @@ def _load_file(
 
 
 def _set_up_films(state: Any, size: tuple[int, int] | None, keep_filter: bool) -> None:
-    """Give every film the size asked for, a box filter and float RGB pixels."""
+    """Give every film the size asked for, a box filter and colour without alpha."""
     kinds = mi.ObjectType
+    pixel_format = "luminance" if "mono" in mi.variant() else "rgb"
     reference = mi.Properties.Type.ResolvedReference
 
     def children(properties: Any, kind: Any) -> list[str]:
@@ -145,7 +146,7 @@ def _set_up_films(state: Any, size: tuple[int, int] | None, keep_filter: bool) -
 
     for node in state.nodes:
         if node.type == kinds.Sensor and not children(node.props, kinds.Film):
-            film = {"type": "hdrfilm", "pixel_format": "rgb", "rfilter": {"type": "box"}}
+            film = {"type": "hdrfilm", "pixel_format": pixel_format, "rfilter": {"type": "box"}}
             shape = {"width": size[0], "height": size[1]} if size else {}
             node.props["film"] = mi.load_dict({**film, **shape})
         if node.type != kinds.Film:
@@ -154,7 +155,7 @@ def _set_up_films(state: Any, size: tuple[int, int] | None, keep_filter: bool) -
         if properties.plugin_name() != "hdrfilm":
             kind = properties.plugin_name()
             raise ValueError(f"its film is a {kind}; only hdrfilm is supported")
-        properties["pixel_format"] = "rgb"
+        properties["pixel_format"] = pixel_format
         if size:
             for key in [key for key in properties.keys() if key.startswith("crop_")]:
                 del properties[key]

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
-import numpy as np
 
 from .. import __version__, camera_path
 from ..errors import RenderError, UsageError, one_line, root
-from ..imageio import RGB, Image
+from ..imageio import RGB, Image, with_rgb
 from . import denoising, loading, output
 from .arguments import as_dict, assignment, integer, positive_seconds, resolution
 from .parameters import parse_aovs, parse_parameters
@@ -163,7 +162,7 @@ def run(options: argparse.Namespace) -> int:
         image = mi.render(
             scene, integrator=integrator, sensor=sensor, spp=options.spp, seed=options.seed
         )
-        return np.array(image, dtype=np.float32)
+        return with_rgb(image, len(channels) - len(RGB))
 
     try:
         for frame, image in run_frames(render_frame, schedule):
