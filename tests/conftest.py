@@ -1,3 +1,27 @@
 """Import the package before any test imports Mitsuba: Dr.Jit loads its LLVM at import."""
 
-import mitsuba_restir  # noqa: F401
+import mitsuba_restir  # noqa: F401  isort: skip
+
+import mitsuba as mi
+import pytest
+
+
+def _variant(name: str) -> str:
+    if mi.variant() != name:
+        mi.set_variant(name)
+    return name
+
+
+@pytest.fixture
+def rgb() -> str:
+    return _variant("llvm_ad_rgb")
+
+
+@pytest.fixture
+def spectral() -> str:
+    return _variant("llvm_ad_spectral")
+
+
+@pytest.fixture
+def mono() -> str:
+    return _variant("llvm_ad_mono")

@@ -84,10 +84,10 @@ def frame_renderer(plan: Plan) -> Callable[..., Frame]:
     """:func:`render_frame` with the plan bound, recorded once and replayed from then on.
 
     Freezing skips re-tracing the Python code; the kernels are the same, so the images are too.
+    Spectral variants cannot be frozen: Mitsuba 3.9 keeps its colour matching tables out of sight.
     """
 
-    @dr.freeze
-    def frozen(
+    def renderer(
         scene: mi.Scene,
         sensor: mi.Sensor | None,
         now: Primary,
@@ -99,7 +99,7 @@ def frame_renderer(plan: Plan) -> Callable[..., Frame]:
     ) -> Frame:
         return render_frame(plan, scene, sensor, now, history, camera, sample, seed, spp)
 
-    return frozen
+    return renderer if mi.is_spectral else dr.freeze(renderer)
 
 
 def render_frame(

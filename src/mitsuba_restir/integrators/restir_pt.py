@@ -131,7 +131,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self,
         scene: mi.Scene,
         sensor: int | mi.Sensor = 0,
-        seed: int = 0,
+        seed: int | mi.UInt32 = 0,
         spp: int = 0,
         develop: bool = True,
         evaluate: bool = True,
@@ -140,7 +140,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
         Parameters
         ----------
-        seed : int
+        seed : int or UInt32
             Seed of the frame. Frames with equal seeds still differ: their running number is hashed
             with it.
         spp : int
@@ -163,7 +163,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         spp = spp or sensor.sampler().sample_count()
         with dr.suspend_grad():
             self._prepare(scene, sensor)
-            sample, seed = dr.opaque(mi.UInt32, self._sample), dr.opaque(mi.UInt32, seed)
+            sample, seed = dr.opaque(mi.UInt32, self._sample), mi.UInt32(seed)
+            dr.make_opaque(seed)
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
             # The camera rays stay outside the frozen part: not every sensor of Mitsuba 3.9 exposes
             # all of its state to it.

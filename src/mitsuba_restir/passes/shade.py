@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit, camera_ray
+from ..paths.vertex import exists
 from ..resampling.reservoir import Reservoir
 
 AOV_CHANNELS = {
@@ -43,7 +44,7 @@ def auxiliary(
     """
     images: dict[str, Any] = {
         "sh_normal": hit.normal,
-        "depth": [dr.norm(hit.vertex.p - hit.origin)],
+        "depth": [dr.select(exists(hit.vertex), dr.norm(hit.vertex.p - hit.origin), 0)],
         "position": hit.vertex.p,
         "motion": flow,
         "confidence": [confidence],
