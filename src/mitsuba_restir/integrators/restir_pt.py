@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
@@ -115,13 +118,13 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         check_variant()
         super().__init__(props)
         self.parameters = read_parameters(props)
+        self._scene: mi.Scene | None = None
+        self._shape: tuple[str, int, int] | None = None
+        self._plan: Plan | None = None
         self.reset()
 
     def reset(self) -> None:
         """Forget the history: the next frame starts from nothing."""
-        self._scene: mi.Scene | None = None
-        self._shape: tuple[Any, ...] = ()
-        self._plan: Plan | None = None
         self._history: History | None = None
         self._camera: Camera | None = None
         self._frame: Frame | None = None
@@ -170,16 +173,17 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             # all of its state to it.
             now = primary(scene, sensor, sample, seed, skip_emitters)
             dr.eval(now)
-            frame = self._render_frame(
-                scene,
-                sensor if mi.is_spectral else None,
-                now,
-                self._history,
-                self._camera,
-                sample,
-                seed,
-                dr.opaque(mi.UInt32, spp),
-            )
+            with _collection_paused():
+                frame = self._render_frame(
+                    scene,
+                    sensor if mi.is_spectral else None,
+                    now,
+                    self._history,
+                    self._camera,
+                    sample,
+                    seed,
+                    dr.opaque(mi.UInt32, spp),
+                )
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
@@ -227,30 +231,35 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         """Check the inputs and start a new history where the old one does not fit."""
         width, height = sensor.film().crop_size()
         shape = (sensor.class_name(), width, height)
-        if scene is self._scene and shape == self._shape:
-            return
+        if scene is not self._scene or shape != self._shape:
+            self._plan_frames(scene, sensor, shape)
+        if self._history is None:
+            self._history = no_history(width * height)
+            self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
+
+    def _plan_frames(
+        self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]
+    ) -> None:
+        """Check a new scene or sensor and prepare to render its frames."""
         check_scene(scene)
         check_sensor(sensor)
+        parameters = self.parameters
+        if parameters.temporal and shape[0] not in REPROJECTABLE:
+            warnings.warn(
+                f"restir_pt: {shape[0]} cannot be re-projected; rendering without temporal reuse "
+                "(use perspective or thinlens to have it)",
+                stacklevel=4,
+            )
         self.reset()
         self._scene, self._shape = scene, shape
-        parameters = self.parameters
         self._plan = Plan(
             parameters,
             PathLimits(parameters.max_depth, parameters.rr_depth),
             shift_mapping(parameters.shift, _criterion(parameters.connectability, scene)),
-            width,
-            height,
+            shape[1],
+            shape[2],
         )
         self._render_frame = frame_renderer(self._plan)
-        self._history = no_history(width * height)
-        if sensor.class_name() in REPROJECTABLE:
-            self._camera = copy_camera(sensor)
-        elif parameters.temporal:
-            warnings.warn(
-                f"restir_pt: {sensor.class_name()} cannot be re-projected; rendering without "
-                "temporal reuse (use perspective or thinlens to have it)",
-                stacklevel=2,
-            )
 
     def _develop(self, film: mi.Film, frame: Frame) -> mi.TensorXf:
         film.prepare(self.aov_names())
@@ -265,6 +274,18 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         block.put(center, [*frame.color, *alpha, mi.Float(1), *frame.auxiliary])
         film.put_block(block)
         return film.develop()
+
+
+@contextmanager
+def _collection_paused() -> Iterator[None]:
+    """No garbage collection inside: to free a scene while a frame is recorded aborts Dr.Jit 1.5."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _criterion(name: str, scene: mi.Scene) -> Criterion:
