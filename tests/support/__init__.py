@@ -1,0 +1,1 @@
+"""What the statistical tests share: scenes, modes, independent runs, references and mutants."""
