@@ -92,7 +92,13 @@ def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     monkeypatch.setattr(runner, "load_scene", lambda study: None)
     monkeypatch.setattr(runner, "make_renderer", _fake(entries))
     monkeypatch.setattr(reference_module, "make_renderer", _fake(entries))
+    probes = dict.fromkeys(runner.PROBES, _fake_probe)
+    monkeypatch.setattr(runner, "PROBES", probes)
     return entries
+
+
+def _fake_probe(study: Study, size: tuple[int, int], variant: str, index: int) -> dict[str, float]:
+    return {"peak": 1e6 + 500.0 * size[0] * size[1] + index, "number": float(index)}
 
 
 def _numbers(path: Path) -> list[dict[str, Any]]:
@@ -139,7 +145,7 @@ def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
         ('"24x16"', '"24"', "sizes must be like '320x180'"),
         ('"24x16"', '"0x16"', "sizes must be like '320x180'"),
         ('sizes = ["24x16"]', "sizes = []", "a list of strings"),
-        ('"rmse"', '"rsme"', "unknown quantity 'rsme'; there are time, rmse"),
+        ('"rmse"', '"rsme"', "unknown quantity 'rsme'; there are time, speed"),
         ('"rmse"', '"equal_time"', "needs warmup = 0"),
         ('"rmse"', '"temporal_covariance"', "needs keep = 'all' and at least 2 frames"),
         (

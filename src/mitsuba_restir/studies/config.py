@@ -154,6 +154,15 @@ class Study:
         if self.reference and self.reference.file and len(self.sizes) > 1:
             raise UsageError(f"{self.name}: a reference file fits one size, not {len(self.sizes)}")
 
+    def probes(self) -> list[str]:
+        """Return the probes that the quantities need."""
+        found = (QUANTITIES[name].probe for name in self.quantities)
+        return list(dict.fromkeys(probe for probe in found if probe))
+
+    def shows_images(self) -> bool:
+        """Return whether any quantity is measured from images or times of frames."""
+        return any(not QUANTITIES[name].probe for name in self.quantities)
+
     def _check_quantity(self, name: str) -> None:
         needs = QUANTITIES[name]
         if needs.needs_reference and self.reference is None:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from ..analysis import metrics
 from ..analysis.denoise import denoise
 from .correlations import bands, covariance, covariance_of_frames, filtered_mse, paired_mean
+from .probed import memory_slopes, of_probe
 from .results import Measured, Row
-from .scalars import equal_time, frame_time, of_last, relmse
+from .scalars import equal_time, frame_time, of_last, relmse, speed
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,10 @@ class Quantity:
         Needs every frame of a run, and more than one.
     least_runs : int
         Independent runs that it needs.
+    probe : str
+        Name of the probe that measures it; empty for what is measured from images and times.
+    across : callable or None
+        Measures what follows from all sizes together.
     """
 
     about: str
@@ -38,10 +43,13 @@ class Quantity:
     cold: bool = False
     sequences: bool = False
     least_runs: int = 1
+    probe: str = ""
+    across: Callable[[Sequence[Measured]], Iterator[Row]] | None = None
 
 
 QUANTITIES: Mapping[str, Quantity] = {
     "time": Quantity("median time of a frame, and of interleaved pairs", frame_time),
+    "speed": Quantity("frames per second and time per pixel", speed),
     "rmse": Quantity(
         "root mean squared error of the last frame",
         of_last(
@@ -137,20 +145,26 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         needs_reference=True,
     ),
+    "kernels": Quantity(
+        "kernels compiled and launched per frame after warm-up",
+        of_probe("kernels"),
+        probe="kernels",
+    ),
+    "statistics": Quantity(
+        "what restir_pt says about its frames: shifts by outcome, history found, acceptance",
+        of_probe("statistics"),
+        probe="statistics",
+    ),
+    "rays": Quantity("rays per pixel and frame (restir_pt only)", of_probe("rays"), probe="rays"),
+    "memory": Quantity(
+        "bytes per pixel: kept between frames, and the slope of the peak",
+        of_probe("memory", {"peak": "B", "": "B/pixel"}),
+        probe="memory",
+        across=memory_slopes,
+    ),
+    "startup": Quantity(
+        "seconds of the first frames of a process, kernel cache empty (cold) or filled (warm)",
+        of_probe("startup", {"": "s"}),
+        probe="startup",
+    ),
 }
-
-
-def measure_all(names: Sequence[str], data: Measured) -> list[Row]:
-    """
-    Measure quantities, in the order of their names.
-
-    Raises
-    ------
-    ValueError
-        An image holds values that are not finite, or a quantity has no baseline to refer to.
-    ImportError
-        A quantity needs a package that is not installed.
-    """
-    if not data.runs.get(data.baseline):
-        raise ValueError(f"the baseline '{data.baseline}' has no finished run")
-    return [row for name in names for row in QUANTITIES[name].rows(data)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,11 +41,15 @@ class Renderer:
         Forgets the history.
     has_history : bool
         Frames depend on earlier ones.
+    statistics, history : callable or None
+        What the integrator says about its last frame, and what it keeps for the next one.
     """
 
     draw: Callable[[int], Any]
     reset: Callable[[], None]
     has_history: bool
+    statistics: Callable[[], Mapping[str, Any]] | None = None
+    history: Callable[[], Any] | None = None
 
     def frame(self, seed: int) -> tuple[Image, float]:
         """
@@ -189,7 +193,9 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
                 scene, sensor=sensor, integrator=integrator, spp=variant.spp, seed=seed
             )
 
-        return Renderer(draw, reset or _nothing, reset is not None)
+        statistics = getattr(integrator, "statistics", None)
+        history = None if reset is None else lambda: integrator._history
+        return Renderer(draw, reset or _nothing, reset is not None, statistics, history)
 
     @dr.freeze
     def frozen(scene: Any, sensor: Any, seed: Any) -> Any:

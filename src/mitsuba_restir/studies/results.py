@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +65,8 @@ class Measured:
     reference : ReferenceImage or None
     epsilon, trim : float
         Of relMSE and its trimmed value.
+    probes : mapping of (str, str) to sequence of mapping
+        What a probe said of each run of a variant, by variant and probe.
     """
 
     size: str
@@ -73,6 +75,22 @@ class Measured:
     reference: ReferenceImage | None
     epsilon: float
     trim: float
+    probes: Mapping[tuple[str, str], Sequence[Mapping[str, float]]] = field(default_factory=dict)
+
+    @property
+    def variants(self) -> list[str]:
+        """Names of all variants, in order."""
+        return list(self.runs)
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of an image."""
+        width, height = self.size.split("x")
+        return int(width) * int(height)
+
+    def probed(self, variant: str, probe: str) -> Sequence[Mapping[str, float]]:
+        """Return what a probe said of each run of a variant."""
+        return self.probes.get((variant, probe), ())
 
 
 @dataclass(frozen=True)
@@ -89,6 +107,8 @@ class Row:
         Ratio to the baseline; None for the baseline itself or where it is not defined.
     runs : int
         Independent runs behind the value.
+    p_value : float or None
+        Of a paired test against the baseline; None where there is none.
     """
 
     size: str
@@ -98,3 +118,4 @@ class Row:
     value: Interval
     ratio: Interval | None
     runs: int
+    p_value: float | None = None

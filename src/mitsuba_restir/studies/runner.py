@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from .config import Size, Study
+from .measuring import measure_across, measure_size
+from .probes import PROBES
 from .reference import (
     REHEARSAL_KEY,
     RUN_KEY,
@@ -19,9 +21,9 @@ from .reference import (
     render_batches,
 )
 from .rendering import Renderer, load_scene, make_renderer, seed_of
-from .results import Image, Row, Run
+from .results import Image, Measured, Run
 from .store import StudyFolder
-from .table import Table, measure_size
+from .table import Table
 
 Progress = Callable[[int, int, str], None]
 
@@ -55,31 +57,37 @@ def run_study(study: Study, path: Path, progress: Progress | None = None) -> Tab
     if study.reference is not None and study.reference.file:
         read_reference(study)
     folder = StudyFolder(path, study)
-    render_missing(folder, progress or _silent)
-    folder.claim()
-    return measure(folder)
+    try:
+        render_missing(folder, progress or _silent)
+        folder.claim()
+        return measure(folder)
+    finally:
+        folder.release()
 
 
 def measure(folder: StudyFolder) -> Table:
     """Measure the finished runs of a study and write the table beside them."""
-    rows = [row for size in folder.study.sizes for row in _measure_size(folder, size)]
-    table = Table(rows, tuple(dict.fromkeys(folder.refused)))
+    study = folder.study
+    sizes = [_load_size(folder, size) for size in study.sizes]
+    rows = [row for data in sizes for row in measure_size(study, data)]
+    table = Table(rows + measure_across(study, sizes), tuple(dict.fromkeys(folder.refused)))
     folder.write("results.csv", table.csv().encode())
     folder.write("results.json", table.json().encode())
     return table
 
 
-def _measure_size(folder: StudyFolder, size: Size) -> list[Row]:
+def _load_size(folder: StudyFolder, size: Size) -> Measured:
     study = folder.study
-    runs = {
-        name: [
-            run
-            for index in range(study.runs)
-            if (run := folder.load_run(size, name, index)) is not None
-        ]
-        for name in study.variants
-    }
-    return measure_size(study, size, runs, load_reference(folder, size))
+    runs, probes = {}, {}
+    for name in study.variants:
+        loaded = [folder.load_run(size, name, index) for index in range(study.runs)]
+        runs[name] = [run for run in loaded if run is not None]
+        for probe in study.probes():
+            answers = [folder.load_probe(size, name, probe, index) for index in range(study.runs)]
+            probes[name, probe] = [answer for answer in answers if answer is not None]
+    reference = load_reference(folder, size)
+    label = f"{size[0]}x{size[1]}"
+    return Measured(label, runs, study.baseline, reference, study.epsilon, study.trim, probes)
 
 
 def render_missing(folder: StudyFolder, progress: Progress) -> None:
@@ -87,7 +95,9 @@ def render_missing(folder: StudyFolder, progress: Progress) -> None:
     study = folder.study
     todo = {size: _missing_runs(folder, size) for size in study.sizes}
     batches = {size: missing_batches(folder, size) for size in study.sizes}
-    meter = _Meter(progress, _frames_to_render(study, todo) + sum(map(len, batches.values())))
+    probes = _missing_probes(folder)
+    units = _frames_to_render(study, todo) + sum(map(len, batches.values())) + len(probes)
+    meter = _Meter(progress, units)
     if meter.total == 0:
         return
     scene = load_scene(study)
@@ -99,10 +109,28 @@ def render_missing(folder: StudyFolder, progress: Progress) -> None:
         if batches[size]:
             label = f"reference {size[0]}x{size[1]}"
             render_batches(folder, scene, size, batches[size], partial(meter.advance, label))
+    for size, name, probe, index in probes:
+        meter.say(f"{size[0]}x{size[1]} {probe} {name}")
+        folder.save_probe(size, name, probe, index, PROBES[probe](study, size, name, index))
+        meter.advance(f"{size[0]}x{size[1]} {probe} {name}")
+
+
+def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
+    study = folder.study
+    return [
+        (size, name, probe, index)
+        for index in range(study.runs)
+        for size in study.sizes
+        for probe in study.probes()
+        for name in study.variants
+        if folder.load_probe(size, name, probe, index) is None
+    ]
 
 
 def _missing_runs(folder: StudyFolder, size: Size) -> dict[int, list[str]]:
     study = folder.study
+    if not study.shows_images():
+        return {}
     missing = {
         index: [name for name in study.variants if folder.load_run(size, name, index) is None]
         for index in range(study.runs)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from ..analysis import intervals, metrics
 from ..analysis.images import FloatArray
@@ -13,16 +14,25 @@ from ..analysis.intervals import Interval
 from .results import Measured, ReferenceImage, Row, Run
 
 
-def _lone(value: float) -> Interval:
+def lone(value: float) -> Interval:
+    """Return a value without an interval."""
     nan = float("nan")
     return Interval(value, nan, nan, nan)
 
 
 def make_row(
-    data: Measured, variant: str, quantity: str, unit: str, value: Interval, ratio: Interval | None
+    data: Measured,
+    variant: str,
+    quantity: str,
+    unit: str,
+    value: Interval,
+    ratio: Interval | None,
+    runs: int | None = None,
+    p_value: float | None = None,
 ) -> Row:
-    """Return a row of a variant, with the number of its runs."""
-    return Row(data.size, variant, quantity, unit, value, ratio, len(data.runs[variant]))
+    """Return a row of a variant, by default with the number of its runs."""
+    count = len(data.runs[variant]) if runs is None else runs
+    return Row(data.size, variant, quantity, unit, value, ratio, count, p_value)
 
 
 def per_run(
@@ -32,14 +42,15 @@ def per_run(
     values = {name: np.array([measure(run) for run in runs]) for name, runs in data.runs.items()}
     base = values[data.baseline]
     for name, own in values.items():
-        value = intervals.mean_interval(own) if own.size > 1 else _lone(float(own[0]))
-        ratio = _ratio(own, base) if name != data.baseline else None
-        yield make_row(data, name, quantity, unit, value, ratio)
+        value = intervals.mean_interval(own) if own.size > 1 else lone(float(own[0]))
+        ratio, p_value = None, None
+        if name != data.baseline and own.size == base.size > 1:
+            ratio = _ratio(own, base)
+            p_value = intervals.paired_difference(own, base).p_value
+        yield make_row(data, name, quantity, unit, value, ratio, p_value=p_value)
 
 
 def _ratio(own: FloatArray, base: FloatArray) -> Interval | None:
-    if own.size < 2 or own.size != base.size:
-        return None
     try:
         return intervals.ratio_interval(own, base)
     except ValueError:
@@ -61,12 +72,26 @@ def frame_time(data: Measured) -> Iterator[Row]:
     }
     base = times[data.baseline]
     for name, own in times.items():
-        value = intervals.median_interval(own) if own.size > 1 else _lone(float(own[0]))
-        ratio = None
+        value = intervals.median_interval(own) if own.size > 1 else lone(float(own[0]))
+        ratio, p_value = None, None
         if name != data.baseline and own.size == base.size > 1:
             # Frame by frame: both were rendered one after the other, under the same load.
             ratio = intervals.median_interval(own / base)
-        yield make_row(data, name, "time of a frame", "ms", value, ratio)
+            p_value = float(stats.binomtest(int(np.sum(own > base)), own.size).pvalue)
+        yield make_row(data, name, "time of a frame", "ms", value, ratio, p_value=p_value)
+
+
+def speed(data: Measured) -> Iterator[Row]:
+    """Frames per second and time per pixel, from the median time of a frame."""
+    for name, runs in data.runs.items():
+        times = np.concatenate([run.times for run in runs])
+        seconds = intervals.median_interval(times) if times.size > 1 else lone(float(times[0]))
+        error = seconds.standard_error / seconds.value**2
+        rate = Interval(1.0 / seconds.value, 1.0 / seconds.high, 1.0 / seconds.low, error)
+        yield make_row(data, name, "frames per second", "", rate, None)
+        ends = (seconds.value, seconds.low, seconds.high, seconds.standard_error)
+        per_pixel = Interval(*(1e9 * end / data.pixels for end in ends))
+        yield make_row(data, name, "time of a pixel", "ns", per_pixel, None)
 
 
 def of_last(

@@ -17,7 +17,10 @@ import numpy.typing as npt
 from ..errors import RenderError, UsageError, one_line
 from ..imageio import write_atomically
 from .config import Size, Study, to_table
+from .environment import environment
 from .files import dump_study, load_study
+from .lock import FILE as LOCK
+from .lock import FolderLock
 from .results import Image, Run
 
 # These decide how much is rendered or what is measured, not what a finished run looks like.
@@ -47,20 +50,21 @@ class StudyFolder:
         self.study = study
         self.digest = _digest(_rendering(study))
         self.refused: list[str] = []
+        self._lock: FolderLock | None = None
         config = path / "config.toml"
         if config.exists():
             self._compare(load_study(str(config)))
-        elif path.exists() and (not path.is_dir() or any(path.iterdir())):
+        elif path.exists() and (not path.is_dir() or any(f.name != LOCK for f in path.iterdir())):
             raise UsageError(f"{path} exists and holds no study: choose a new folder")
 
     def claim(self) -> None:
         """
-        Make the folder and write the configuration, once it is known that the study can be run.
+        Make and lock the folder and write what is run, once it is known that it can be run.
 
         Raises
         ------
         UsageError
-            The folder cannot be made.
+            The folder cannot be made, or another process works in it.
         RenderError
             It cannot be written to.
         """
@@ -68,9 +72,33 @@ class StudyFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"cannot make {self.path}: {error.strerror}") from error
+        if self._lock is None:
+            self._lock = FolderLock(self.path)
         for leftover in self.path.rglob(".*.partial"):
             leftover.unlink()
         write_atomically(self.path / "config.toml", dump_study(self.study))
+        self._note_environment()
+
+    def release(self) -> None:
+        """Give the folder free for other processes."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def environments(self) -> list[dict[str, str | int]]:
+        """Return the machines and versions that worked on this study, first to last."""
+        try:
+            found: list[dict[str, str | int]] = json.loads(
+                (self.path / "environment.json").read_text("utf-8")
+            )
+        except (OSError, ValueError):
+            return []
+        return found
+
+    def _note_environment(self) -> None:
+        known, own = self.environments(), environment()
+        if own not in known:
+            self.write("environment.json", (json.dumps([*known, own], indent=1) + "\n").encode())
 
     def _compare(self, other: Study) -> None:
         mine, theirs = _rendering(self.study), _rendering(other)
@@ -89,18 +117,45 @@ class StudyFolder:
         arrays = self._load(self._file("runs", size, variant, index), size)
         if arrays is None:
             return None
-        return Run(arrays["last"], arrays["mean"], arrays["times"], arrays.get("frames"))
+        mean = arrays["mean"]
+        return Run(arrays.get("last", mean), mean, arrays["times"], arrays.get("frames"))
 
     def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
         """Write a finished run (RenderError where the disk refuses it)."""
-        arrays: dict[str, npt.NDArray[Any]] = {
-            "last": run.last,
-            "mean": run.mean,
-            "times": run.times,
-        }
+        arrays: dict[str, npt.NDArray[Any]] = {"mean": run.mean, "times": run.times}
+        if len(run.times) > 1:
+            arrays["last"] = run.last
         if run.frames is not None:
             arrays["frames"] = run.frames
         self._save(self._file("runs", size, variant, index), arrays)
+
+    def load_probe(
+        self, size: Size, variant: str, probe: str, index: int
+    ) -> dict[str, float] | None:
+        """Return what a probe said of a run, or None where it is not known."""
+        path = self._probe_file(size, variant, probe, index)
+        if not path.exists():
+            return None
+        try:
+            content = json.loads(path.read_text("utf-8"))
+            if content["digest"] != self.digest or content["file"] != self._label(path):
+                raise ValueError("it belongs to another study or place")
+            return {str(name): float(value) for name, value in content["numbers"].items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            self.refused.append(f"{path} is not used: {one_line(error)}")
+            return None
+
+    def save_probe(
+        self, size: Size, variant: str, probe: str, index: int, numbers: Mapping[str, float]
+    ) -> None:
+        """Write what a probe said of a run."""
+        path = self._probe_file(size, variant, probe, index)
+        content = {"digest": self.digest, "file": self._label(path), "numbers": dict(numbers)}
+        _make(path.parent)
+        write_atomically(path, json.dumps(content).encode())
+
+    def _probe_file(self, size: Size, variant: str, probe: str, index: int) -> Path:
+        return self._file(f"probes/{probe}", size, variant, index).with_suffix(".json")
 
     def load_batch(self, size: Size, index: int) -> Image | None:
         """Return a finished batch of the reference, or None."""
@@ -119,10 +174,7 @@ class StudyFolder:
         buffer = io.BytesIO()
         label = json.dumps({"digest": self.digest, "file": self._label(path)})
         np.savez_compressed(buffer, label=np.array(label), **arrays)  # type: ignore[arg-type]
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RenderError(f"cannot make {path.parent}: {error.strerror}") from error
+        _make(path.parent)
         write_atomically(path, buffer.getvalue())
 
     def _label(self, path: Path) -> str:
@@ -144,6 +196,13 @@ class StudyFolder:
             self.refused.append(f"{path} is not used: {one_line(error)}")
             return None
         return arrays
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RenderError(f"cannot make {folder}: {error.strerror}") from error
 
 
 def _rendering(study: Study) -> dict[str, Any]:

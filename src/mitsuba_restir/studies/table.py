@@ -6,17 +6,14 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import rich.table
 from rich.console import Console
 
 from ..analysis.intervals import Interval
-from ..errors import RenderError
-from .config import Size, Study
-from .quantities import measure_all
-from .results import Measured, ReferenceImage, Row, Run
+from .results import Row
 
 _COLUMNS = (
     "size",
@@ -29,6 +26,7 @@ _COLUMNS = (
     "ratio",
     "ratio_low",
     "ratio_high",
+    "p_value",
     "runs",
 )
 
@@ -69,7 +67,7 @@ class Table:
         table = rich.table.Table(title=title, title_justify="left")
         for name in ("size", "quantity", "variant"):
             table.add_column(name, overflow="fold")
-        for name in ("value", "95 % interval", "to baseline", "95 % interval"):
+        for name in ("value", "95 % interval", "to baseline", "95 % interval", "p"):
             table.add_column(name, justify="right", no_wrap=True)
         before: tuple[str, str] | None = None
         for row in self.rows:
@@ -80,7 +78,8 @@ class Table:
             before = group
             unit = f" {row.unit}" if row.unit else ""
             ratio = ("", "") if row.ratio is None else _texts(row.ratio, "")
-            table.add_row(*head, row.variant, *_texts(row.value, unit), *ratio)
+            p_value = "" if row.p_value is None else f"{row.p_value:.2g}"
+            table.add_row(*head, row.variant, *_texts(row.value, unit), *ratio, p_value)
         console.print(table)
 
 
@@ -104,34 +103,10 @@ def _record(row: Row) -> dict[str, str | int | float | None]:
         "ratio": None if ratio is None else _number(ratio.value),
         "ratio_low": None if ratio is None else _number(ratio.low),
         "ratio_high": None if ratio is None else _number(ratio.high),
+        "p_value": row.p_value,
         "runs": row.runs,
     }
 
 
 def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def measure_size(
-    study: Study,
-    size: Size,
-    runs: Mapping[str, Sequence[Run]],
-    reference: ReferenceImage | None,
-) -> list[Row]:
-    """
-    Measure everything that a study asks for at one size.
-
-    Raises
-    ------
-    RenderError
-        An image holds values that are not finite, or a package is missing.
-    """
-    label = f"{size[0]}x{size[1]}"
-    data = Measured(label, runs, study.baseline, reference, study.epsilon, study.trim)
-    try:
-        # Quantities yield all rows of a variant; readers compare variants of a quantity.
-        rows = measure_all(study.quantities, data)
-    except (ValueError, ImportError) as error:
-        raise RenderError(f"{study.name} at {label} cannot be measured: {error}") from error
-    order = list(dict.fromkeys(row.quantity for row in rows))
-    return sorted(rows, key=lambda row: order.index(row.quantity))

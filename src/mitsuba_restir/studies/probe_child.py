@@ -1,0 +1,192 @@
+"""The inside of a probe: one measurement in a fresh process, answered as one line of JSON."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import re
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .config import Size, Study, from_table
+from .rays import counted_rays
+from .rendering import Renderer, load_scene, make_renderer, seed_of
+
+_PROBE_KEY = 3
+_REHEARSAL = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class _Task:
+    """What is measured: a variant of a study at one size, with the seeds of one run."""
+
+    study: Study
+    size: Size
+    variant: str
+    index: int
+
+    def renderer(self) -> Renderer:
+        scene = load_scene(self.study)
+        variant = self.study.variants[self.variant]
+        return make_renderer(self.study, scene, self.size, self.variant, variant)
+
+    def frames(self, renderer: Renderer, first: int, count: int) -> None:
+        for frame in range(first, first + count):
+            renderer.frame(seed_of(self.study.seed, _PROBE_KEY, self.index, frame))
+
+    @property
+    def pixels(self) -> int:
+        return self.size[0] * self.size[1]
+
+    @property
+    def warmup(self) -> int:
+        """Frames before the measured ones; the first three compile and record."""
+        return max(self.study.warmup, _REHEARSAL)
+
+
+def _kernels(task: _Task) -> dict[str, float]:
+    """Kernels compiled, fetched from the disk's cache, and launched, per frame after warm-up."""
+    renderer = task.renderer()
+    task.frames(renderer, 0, task.warmup)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        task.frames(renderer, task.warmup, task.study.frames)
+        history = dr.kernel_history([dr.KernelType.JIT])
+    frames = task.study.frames
+    return {
+        "kernels compiled per frame": sum(not k["cache_hit"] for k in history) / frames,
+        "kernels read from disk per frame": sum(bool(k["cache_disk"]) for k in history) / frames,
+        "kernels launched per frame": len(history) / frames,
+    }
+
+
+def _statistics(task: _Task) -> dict[str, float]:
+    """Mean over the measured frames of what the integrator says about each."""
+    renderer = task.renderer()
+    if renderer.statistics is None:
+        return {}
+    task.frames(renderer, 0, task.warmup)
+    found: dict[str, list[float]] = {}
+    for frame in range(task.study.frames):
+        task.frames(renderer, task.warmup + frame, 1)
+        for name, value in _flat(renderer.statistics()).items():
+            found.setdefault(name, []).append(value)
+    return {name: float(np.mean(values)) for name, values in found.items()}
+
+
+def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
+    flat: dict[str, float] = {}
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}: ")
+        elif isinstance(value, bool | int | float):
+            flat[f"{prefix}{name}"] = float(value)
+    return flat
+
+
+def _rays(task: _Task) -> dict[str, float]:
+    """Rays per pixel and frame; empty for integrators whose rays Python does not see."""
+    renderer = task.renderer()
+    if renderer.statistics is None:
+        return {}
+    task.frames(renderer, 0, 1)
+    with counted_rays() as counter:
+        task.frames(renderer, 1, task.warmup)
+        counter.take()
+        task.frames(renderer, task.warmup + 1, task.study.frames)
+        nearest, shadow = counter.take()
+    scale = 1.0 / (task.pixels * task.study.frames)
+    return {
+        "nearest-hit rays": nearest * scale,
+        "shadow rays": shadow * scale,
+        "all rays": (nearest + shadow) * scale,
+    }
+
+
+def _memory(task: _Task) -> dict[str, float]:
+    """Bytes: of the state kept between frames per pixel, and at the peak of a frame in all."""
+    renderer = task.renderer()
+    task.frames(renderer, 0, task.warmup)
+    dr.detail.malloc_clear_statistics()
+    _forget_resident_peak()
+    task.frames(renderer, task.warmup, task.study.frames)
+    backend = dr.backend_v(mi.Float)
+    found = {"peak": float(dr.detail.malloc_watermark(backend)), **_resident()}
+    if renderer.history is not None:
+        history = renderer.history()
+        found["reservoir"] = _bytes(history.reservoirs) / task.pixels
+        found["path record"] = _bytes(history.reservoirs.path) / task.pixels
+        found["reservoir and primary hit"] = _bytes(history) / task.pixels
+    return found
+
+
+def _forget_resident_peak() -> None:
+    """Start the resident peak anew, so that loading the scene is not part of it (Linux)."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _resident() -> dict[str, float]:
+    """Peak of the resident memory in bytes; nothing where the system does not tell (not Linux)."""
+    try:
+        status = Path("/proc/self/status").read_text("utf-8")
+    except OSError:
+        return {}
+    found = re.search(r"VmHWM:\s*(\d+) kB", status)
+    return {"peak resident": float(found[1]) * 1024.0} if found else {}
+
+
+def _bytes(value: Any) -> int:
+    """Bytes of all arrays of a (nested) structure."""
+    if dataclasses.is_dataclass(value):
+        return sum(_bytes(getattr(value, field.name)) for field in dataclasses.fields(value))
+    if isinstance(value, list | tuple):
+        return sum(_bytes(entry) for entry in value)
+    if not dr.is_array_v(value):
+        return 0
+    if dr.depth_v(value) > 1:
+        return sum(_bytes(value[i]) for i in range(len(value)))
+    return int(dr.width(value) * dr.itemsize_v(value))
+
+
+def _first_frame(task: _Task) -> dict[str, float]:
+    """Seconds until the scene is loaded, of the first frame, and of the fourth."""
+    begin = time.perf_counter()
+    renderer = task.renderer()
+    loaded = time.perf_counter() - begin
+    seconds = [
+        renderer.frame(seed_of(task.study.seed, _PROBE_KEY, task.index, frame))[1]
+        for frame in range(4)
+    ]
+    return {
+        "loading": loaded,
+        "first frame": seconds[0],
+        "second frame": seconds[1],
+        "fourth frame": seconds[3],
+    }
+
+
+_KINDS: Mapping[str, Callable[[_Task], dict[str, float]]] = {
+    "kernels": _kernels,
+    "statistics": _statistics,
+    "rays": _rays,
+    "memory": _memory,
+    "first_frame": _first_frame,
+}
+
+
+def main() -> None:
+    """Answer the request on standard input."""
+    request = json.loads(sys.stdin.read())
+    study = from_table(request["study"], request["study"]["name"])
+    width, height = request["size"]
+    task = _Task(study, (width, height), request["variant"], request["index"])
+    print(json.dumps(_KINDS[request["kind"]](task)))

@@ -1,0 +1,64 @@
+"""Quantities that probes measure: kernels, shifts, rays, memory and the first frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from ..analysis import intervals
+from .results import Measured, Row
+from .scalars import lone, make_row
+
+
+def of_probe(
+    probe: str, units: Mapping[str, str] | None = None
+) -> Callable[[Measured], Iterator[Row]]:
+    """
+    Make a quantity of everything that a probe says: mean over runs.
+
+    Parameters
+    ----------
+    probe : str
+        Name of the probe.
+    units : mapping of str to str, optional
+        Unit by the beginning of a number's name.
+    """
+
+    def rows(data: Measured) -> Iterator[Row]:
+        for variant in data.variants:
+            answers = data.probed(variant, probe)
+            names = dict.fromkeys(name for answer in answers for name in answer)
+            for name in names:
+                values = np.array([answer[name] for answer in answers if name in answer])
+                value = intervals.mean_interval(values) if values.size > 1 else lone(values[0])
+                unit = next((u for start, u in (units or {}).items() if name.startswith(start)), "")
+                yield make_row(data, variant, name, unit, value, None, len(values))
+
+    return rows
+
+
+def memory_slopes(sizes: Sequence[Measured]) -> Iterator[Row]:
+    """
+    Peak bytes per pixel: slope of a straight line through the sizes, run by run.
+
+    The slope leaves out what does not grow with the image, such as scene and kernels. Dr.Jit rounds
+    every array to a power of two, so that sizes which are none measure the rounding as well.
+    """
+    pixels = np.array([data.pixels for data in sizes], dtype=np.float64)
+    if len(sizes) < 2:
+        return
+    first = sizes[0]
+    for variant in first.variants:
+        answers = [data.probed(variant, "memory") for data in sizes]
+        runs = min(len(answer) for answer in answers)
+        for name, label in (
+            ("peak", "slope of the peak, Dr.Jit's memory"),
+            ("peak resident", "slope of the peak, resident memory"),
+        ):
+            if runs == 0 or any(name not in a for answer in answers for a in answer):
+                continue
+            peaks = np.array([[answer[run][name] for answer in answers] for run in range(runs)])
+            slopes = np.polyfit(pixels, peaks.T, 1)[0]
+            value = intervals.mean_interval(slopes) if runs > 1 else lone(float(slopes[0]))
+            yield Row("all", variant, label, "B/pixel", value, None, runs)

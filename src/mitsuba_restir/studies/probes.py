@@ -1,0 +1,82 @@
+"""Measurements that no image shows: kernels, rays, memory, the first frame, what shifts do.
+
+Each probe runs in a process of its own, so that it sees a fresh allocator and, where it asks for
+one, an empty kernel cache, and so that it cannot disturb the times of a study.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..errors import RenderError, one_line
+from .config import Size, Study, to_table
+
+Numbers = Mapping[str, float]
+
+_PROLOGUE = "from mitsuba_restir.studies.probe_child import main; main()"
+
+
+def _run_child(
+    study: Study, kind: str, size: Size, variant: str, index: int, home: str | None = None
+) -> dict[str, float]:
+    """Measure in a fresh process, with a home directory of its own where one is given."""
+    request = {
+        "study": to_table(study),
+        "kind": kind,
+        "size": list(size),
+        "variant": variant,
+        "index": index,
+    }
+    environment = dict(os.environ)
+    if home is not None:
+        # Dr.Jit keeps compiled kernels below the home directory.
+        environment["HOME"] = environment["LOCALAPPDATA"] = home
+    done = subprocess.run(
+        [sys.executable, "-c", _PROLOGUE],
+        input=json.dumps(request),
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    lines = done.stdout.strip().splitlines()
+    if done.returncode or not lines:
+        last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        raise RenderError(f"{study.name}: probe '{kind}' of '{variant}' failed: {one_line(last)}")
+    answer: dict[str, float] = json.loads(lines[-1])
+    return answer
+
+
+def _simple(kind: str) -> Callable[[Study, Size, str, int], dict[str, float]]:
+    def probe(study: Study, size: Size, variant: str, index: int) -> dict[str, float]:
+        return _run_child(study, kind, size, variant, index)
+
+    return probe
+
+
+def _startup(study: Study, size: Size, variant: str, index: int) -> dict[str, float]:
+    """First frame of a process with an empty kernel cache, and of the next one, which finds it."""
+    with tempfile.TemporaryDirectory() as home:
+        return {
+            f"{name}, {cache} kernel cache": seconds
+            for cache in ("cold", "warm")
+            for name, seconds in _run_child(
+                study, "first_frame", size, variant, index, home
+            ).items()
+        }
+
+
+PROBES: Mapping[str, Callable[[Study, Size, str, int], Mapping[str, Any]]] = {
+    "kernels": _simple("kernels"),
+    "statistics": _simple("statistics"),
+    "rays": _simple("rays"),
+    "memory": _simple("memory"),
+    "startup": _startup,
+}
+"""Probes by name: (study, size, name of the variant, number of the run) to named numbers."""
