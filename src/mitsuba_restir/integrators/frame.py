@@ -14,12 +14,13 @@ from ..passes.primary import Primary
 from ..passes.reproject import reproject
 from ..passes.retrace import retrace
 from ..passes.shade import auxiliary, reservoir_color
-from ..passes.spatial import spatial
+from ..passes.spatial import exchange, merge, neighbor_choices
 from ..passes.temporal import temporal
 from ..paths.camera import Camera
 from ..paths.primary_hit import PrimaryHit, no_primary_hit
 from ..paths.settings import PathLimits
 from ..resampling.reservoir import Reservoir, empty_reservoir
+from ..sampling.pairing import PairingTile
 from ..shifts.mapping import ShiftMapping
 from .parameters import Parameters
 
@@ -93,11 +94,12 @@ def frame_renderer(plan: Plan) -> Callable[..., Frame]:
         now: Primary,
         history: History,
         camera: Camera | None,
+        tile: PairingTile,
         sample: Any,
         seed: Any,
         spp: Any,
     ) -> Frame:
-        return render_frame(plan, scene, sensor, now, history, camera, sample, seed, spp)
+        return render_frame(plan, scene, sensor, now, history, camera, tile, sample, seed, spp)
 
     return renderer if mi.is_spectral else dr.freeze(renderer)
 
@@ -109,6 +111,7 @@ def render_frame(
     now: Primary,
     history: History,
     camera: Camera | None,
+    tile: PairingTile,
     sample: Any,
     seed: Any,
     spp: Any,
@@ -125,6 +128,8 @@ def render_frame(
         What the previous frame left.
     camera : Camera or None
         The previous frame's camera; None where the sensor's history cannot be followed.
+    tile : PairingTile
+        Partners for spatial reuse.
     sample, seed, spp : UInt32
         Running number of the frame's first sample, the user's seed, candidate trees per pixel.
     """
@@ -164,21 +169,24 @@ def render_frame(
 
     color = reservoir_color(reservoirs)
     for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
-        reservoirs, color, outcome = spatial(
+        round_number = dr.opaque(mi.UInt32, round_index)
+        exchanged = exchange(
             scene,
             sensor,
             reservoirs,
             now.hit,
             size,
+            tile,
             parameters.spatial_neighbors,
-            parameters.spatial_radius,
-            dr.opaque(mi.UInt32, round_index),
-            sample,
-            seed,
+            neighbor_choices(round_number, sample, seed),
             mapping,
         )
-        outcomes.append(outcome)
-        dr.eval(reservoirs, color, outcome)
+        dr.eval(exchanged)
+        reservoirs, color = merge(
+            reservoirs, exchanged, parameters.spatial_neighbors, round_number, sample, seed
+        )
+        outcomes.append(exchanged.shifted.outcome)
+        dr.eval(reservoirs, color)
 
     color += now.emitted
     extra = auxiliary(

@@ -61,7 +61,7 @@ def read_parameters(props: Any) -> Parameters:
         temporal=_boolean(props, "temporal", True),
         spatial=_boolean(props, "spatial", True),
         spatial_neighbors=_integer(props, "spatial_neighbors", 3, 1, 32),
-        spatial_radius=_number(props, "spatial_radius", 20.0, 1.0, 10000.0),
+        spatial_radius=_number(props, "spatial_radius", 20.0, 1.0, 256.0),
         spatial_rounds=_integer(props, "spatial_rounds", 1, 1, 16),
         confidence_cap=_number(props, "confidence_cap", 20.0, 0.0, 1e6),
         shift=_choice(props, "shift", "hybrid"),

@@ -15,6 +15,7 @@ from ..passes.primary import primary
 from ..passes.shade import AOV_CHANNELS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
 from ..paths.settings import PathLimits
+from ..sampling.pairing import pairing_tile
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import OUTCOMES, shift_mapping
 from .border import check_scene, check_sensor, check_variant
@@ -180,6 +181,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
                     now,
                     self._history,
                     self._camera,
+                    self._tile,
                     sample,
                     seed,
                     dr.opaque(mi.UInt32, spp),
@@ -213,7 +215,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         passes = ["temporal"] if len(self._frame.outcomes) > self._spatial_rounds() else []
         passes += [f"spatial_{i}" for i in range(self._spatial_rounds())]
         shares = {
-            name: _outcome_shares(packed, 2 * (1 if name == "temporal" else self._neighbors()))
+            name: _outcome_shares(packed, 2 if name == "temporal" else 1)
             for name, packed in zip(passes, self._frame.outcomes, strict=True)
         }
         return {"matched": float(dr.mean(mi.Float(self._frame.matched))[0]), **shares}
@@ -223,9 +225,6 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     def _spatial_rounds(self) -> int:
         return self.parameters.spatial_rounds if self.parameters.spatial else 0
-
-    def _neighbors(self) -> int:
-        return self.parameters.spatial_neighbors
 
     def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
         """Check the inputs and start a new history where the old one does not fit."""
@@ -252,6 +251,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             )
         self.reset()
         self._scene, self._shape = scene, shape
+        self._tile = pairing_tile(parameters.spatial_radius)
         self._plan = Plan(
             parameters,
             PathLimits(parameters.max_depth, parameters.rr_depth),

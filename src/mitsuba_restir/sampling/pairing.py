@@ -1,0 +1,129 @@
+"""Reciprocal neighbours: random tiles in which every pixel is paired with one other, both ways.
+
+If p reuses q exactly when q reuses p, the shift from p to q serves both, and spatial reuse needs
+half the shifts (Lin, Kettunen and Wyman 2026). A tile is made once; frames differ by a random
+toroidal offset and reflection of it, so the choice of neighbours is independent of all samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .streams import Stream, uniform2
+
+_ROUNDS = 64
+_SEED = 20220704
+
+
+@dataclass
+class PairingTile:
+    """A tile of partner offsets.
+
+    Fields: ``dx``, ``dy`` (``Int32``, size*size, row-major; (0, 0) where a pixel has no partner),
+    ``size`` (``UInt32``, side length).
+    """
+
+    dx: Any
+    dy: Any
+    size: Any
+
+
+def pair_offsets(radius: float, size: int) -> np.ndarray:
+    """Random toroidal matching with partners drawn from a disk.
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the disk [pixels].
+    size : int
+        Side length of the tile, more than twice the radius.
+
+    Returns
+    -------
+    ndarray of int, shape (size, size, 2)
+        Offset (dx, dy) to each pixel's partner; the partner's offset is its negative.
+    """
+    rng = np.random.default_rng(_SEED)
+    offsets = np.zeros((size * size, 2), dtype=np.int32)
+    paired = np.zeros(size * size, dtype=bool)
+    for _ in range(_ROUNDS):
+        free = rng.permutation(np.flatnonzero(~paired))
+        angle = 2 * np.pi * rng.random(free.size)
+        length = radius * np.sqrt(rng.random(free.size))
+        dx = np.rint(length * np.cos(angle)).astype(np.int32)
+        dy = np.rint(length * np.sin(angle)).astype(np.int32)
+        other = (free // size + dy) % size * size + (free % size + dx) % size
+        wanted = ~paired[other] & (other != free)
+        free, other, dx, dy = free[wanted], other[wanted], dx[wanted], dy[wanted]
+        # A pixel may be named by several proposals, on either side; the first to name it wins.
+        order = np.full(size * size, free.size)
+        rank = np.arange(free.size)
+        np.minimum.at(order, free, rank)
+        np.minimum.at(order, other, rank)
+        won = (order[free] == rank) & (order[other] == rank)
+        free, other, dx, dy = free[won], other[won], dx[won], dy[won]
+        offsets[free] = np.stack([dx, dy], axis=-1)
+        offsets[other] = np.stack([-dx, -dy], axis=-1)
+        paired[free] = paired[other] = True
+    return offsets.reshape(size, size, 2)
+
+
+def pairing_tile(radius: float) -> PairingTile:
+    """Tile for a reuse radius [pixels], at least six radii wide."""
+    size = 64
+    while size < 6 * radius:
+        size *= 2
+    offsets = pair_offsets(radius, size)
+    tile = PairingTile(
+        mi.Int32(offsets[..., 0].ravel()), mi.Int32(offsets[..., 1].ravel()), mi.UInt32(size)
+    )
+    dr.make_opaque(tile)
+    return tile
+
+
+def partner(
+    tile: PairingTile, choices: Stream, index: Any, pixel: Any, size: tuple[Any, Any]
+) -> tuple[Any, Any]:
+    """The pixel's partner in the ``index``-th pairing.
+
+    Parameters
+    ----------
+    choices : Stream
+        Stream that is the same for all pixels: it draws the tile's offset and reflection.
+    index : UInt32
+        Number of the pairing.
+    pixel : UInt32
+        Row-major pixel index.
+    size : (UInt32, UInt32)
+        Width and height of the image.
+
+    Returns
+    -------
+    other : UInt32
+        Row-major index of the partner (the pixel itself where there is none).
+    inside : Bool
+        Whether there is a partner and it lies in the image.
+    """
+    width, height = size
+    y = pixel // width
+    x = pixel - y * width
+    u, v = uniform2(choices, index, 0)
+    a, b = uniform2(choices, index, 1)
+    swap, mirror = a < 0.5, b < 0.5
+    column = dr.select(swap, y, x) + mi.UInt32(u * tile.size)
+    row = dr.select(swap, x, y) + mi.UInt32(v * tile.size)
+    row = dr.select(mirror, tile.size - 1 - row % tile.size, row % tile.size)
+    entry = row * tile.size + column % tile.size
+    along = dr.gather(mi.Int32, tile.dx, entry)
+    across = dr.gather(mi.Int32, tile.dy, entry)
+    across = dr.select(mirror, -across, across)
+    nx = mi.Int32(x) + dr.select(swap, across, along)
+    ny = mi.Int32(y) + dr.select(swap, along, across)
+    inside = (nx >= 0) & (ny >= 0) & (nx < mi.Int32(width)) & (ny < mi.Int32(height))
+    inside &= (along != 0) | (across != 0)
+    return dr.select(inside, mi.UInt32(ny * mi.Int32(width) + nx), pixel), inside
