@@ -1,1 +1,1 @@
-"""Random numbers: counter-based primary-sample streams."""
+"""Random numbers: counter-based primary-sample streams, blue-noise masks, dithered streams."""

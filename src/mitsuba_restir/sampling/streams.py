@@ -8,9 +8,12 @@ is Mitsuba's own TEA hash (Zafar, Olano and Curtis 2010), which returns two 32-b
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
+
+if TYPE_CHECKING:
+    from .dither import Dither
 
 LOBE, DIRECTION, LIGHT = 0, 1, 2
 """Blocks of two numbers that a path vertex owns: (lobe, roulette), direction, light sample."""
@@ -32,8 +35,14 @@ class Stream:
     x: Any
     y: Any
 
+    def words(self, vertex: Any, block: int) -> tuple[Any, Any]:
+        """The two 32-bit words of one block of one vertex (see :func:`uniform2`)."""
+        counter = mi.UInt32(vertex) * _BLOCKS + block
+        # The odd multiplier (2^32 / golden ratio) spreads neighbouring counters over the word.
+        return mi.sample_tea_32(self.x + counter * 0x9E3779B9, self.y, _ROUNDS)
 
-def path_stream(pixel: Any, sample: Any, seed: Any) -> Stream:
+
+def path_stream(pixel: Any, sample: Any, seed: Any, dither: Dither | None = None) -> Stream:
     """Primary-sample stream of a path.
 
     Parameters
@@ -41,10 +50,14 @@ def path_stream(pixel: Any, sample: Any, seed: Any) -> Stream:
     pixel, sample, seed : UInt32
         Source pixel (row-major in the crop window), running sample number and user seed, as the
         path record stores them.
+    dither : Dither, optional
+        Takes the first dimensions from blue-noise masks. The same in every call that names the
+        path: a replay without it repeats another path.
     """
     x, y = mi.sample_tea_32(mi.UInt32(pixel), mi.UInt32(sample), _ROUNDS)
     x, y = mi.sample_tea_32(x ^ mi.UInt32(seed), y, _ROUNDS)
-    return Stream(x, y)
+    stream = Stream(x, y)
+    return stream if dither is None else dither.stream(stream, pixel, sample, seed)
 
 
 def pass_stream(purpose: int, pixel: Any, sample: Any, seed: Any) -> Stream:
@@ -65,12 +78,10 @@ def uniform2(stream: Stream, vertex: Any, block: int) -> tuple[Any, Any]:
     block : int
         One of the module's block constants.
     """
-    counter = mi.UInt32(vertex) * _BLOCKS + block
-    # The odd multiplier (2^32 / golden ratio) spreads neighbouring counters over the word.
-    a, b = mi.sample_tea_32(stream.x + counter * 0x9E3779B9, stream.y, _ROUNDS)
-    return _to_unit(a), _to_unit(b)
+    a, b = stream.words(vertex, block)
+    return to_unit(a), to_unit(b)
 
 
-def _to_unit(word: Any) -> Any:
+def to_unit(word: Any) -> Any:
     """Upper 24 bits of a word as a float in [0, 1): every value is exact in single precision."""
     return mi.Float(word >> 8) * 2.0**-24
