@@ -22,11 +22,13 @@ from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.studies import load_study, packaged_studies, run_study
 from mitsuba_restir.studies.__main__ import main
-from mitsuba_restir.studies.config import Study, Variant, from_table, to_table
+from mitsuba_restir.studies.config import Study, Variant
 from mitsuba_restir.studies.files import dump_study
 from mitsuba_restir.studies.quantities import QUANTITIES
 from mitsuba_restir.studies.rendering import Renderer, seed_of
+from mitsuba_restir.studies.results import ReferenceImage
 from mitsuba_restir.studies.store import StudyFolder
+from mitsuba_restir.studies.tables import from_table, to_table
 
 STUDY = """
 name = "small"
@@ -267,7 +269,7 @@ def test_every_quantity_can_be_measured(
     assert {row.variant for row in table.rows} >= {"better"}
     assert all(np.isfinite([row.value.value, row.value.low]).all() for row in table.rows)
     ratios = [row.ratio.value for row in table.rows if row.ratio is not None]
-    assert all(ratio > 0.0 for ratio in ratios) or name == "covariance"
+    assert all(ratio > 0.0 for ratio in ratios) or name.startswith("covariance")
 
 
 def test_equal_time_by_hand(tmp_path: Path, study: Study, log: list[tuple[str, int]]) -> None:
@@ -299,6 +301,39 @@ def test_equal_time_by_hand(tmp_path: Path, study: Study, log: list[tuple[str, i
     for reading, value in expected.items():
         found = rows["better", f"equal time: {reading}"].value
         assert found.value == pytest.approx(value, rel=1e-5)
+
+
+def test_variants_have_baselines_of_their_own(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    file = tmp_path / "small.toml"
+    file.write_text(STUDY + '\n[variants.best]\ntype = "path"\nspp = 16\nbaseline = "better"\n')
+    rows = {
+        (r.variant, r.quantity): r for r in run_study(load_study(str(file)), tmp_path / "out").rows
+    }
+    means = {name: rows[name, "RMSE"].value.value for name in ("plain", "better", "best")}
+    for name, other in (("better", "plain"), ("best", "better")):
+        row = rows[name, "RMSE"]
+        assert row.ratio is not None
+        assert row.ratio.value == pytest.approx(means[name] / means[other])
+        assert row.p_value is not None
+        assert 0.0 < row.p_value <= 1.0
+    # Another baseline is another reading of the same runs.
+    log.clear()
+    run_study(load_study(str(file), ["variants.best.baseline=plain"]), tmp_path / "out")
+    assert log == []
+    with pytest.raises(UsageError, match="the baseline 'none' is none of the variants"):
+        load_study(str(file), ["variants.best.baseline=none"])
+
+
+def test_a_smoothed_reference_is_surer() -> None:
+    rng = np.random.default_rng(1)
+    noise = 0.1 * rng.standard_normal((200, 40, 50, 3))
+    variance = np.full((40, 50, 3), 0.01)
+    images = [reference_module.smooth(ReferenceImage(1.0 + e, variance), 3.0) for e in noise]
+    inside = np.var([i.image[15:25, 15:35] for i in images], axis=0).mean()
+    assert images[0].variance.mean() == pytest.approx(inside, rel=0.15)
+    assert np.mean([i.image for i in images]) == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 25, 27])

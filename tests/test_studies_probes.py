@@ -17,13 +17,13 @@ import pytest
 
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.studies import load_study, probe_child, run_study
-from mitsuba_restir.studies.config import to_table
 from mitsuba_restir.studies.environment import environment
 from mitsuba_restir.studies.lock import FolderLock
 from mitsuba_restir.studies.probed import memory_slopes
 from mitsuba_restir.studies.probes import PROBES
 from mitsuba_restir.studies.rendering import Renderer
 from mitsuba_restir.studies.results import Measured
+from mitsuba_restir.studies.tables import to_table
 
 STUDY = """
 name = "probed"
@@ -33,6 +33,7 @@ max_depth = 4
 frames = 2
 warmup = 1
 runs = 1
+probe_runs = 1
 quantities = ["kernels"]
 
 [variants.path]
@@ -141,6 +142,7 @@ def test_slopes_by_hand() -> None:
             size,
             {"a": []},
             "a",
+            {},
             None,
             0.01,
             0.0,

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy import stats
 
 from ..analysis import perceptual, spectrum
 from ..analysis.covariance import covariance_ratio, relative_covariance, temporal_covariance
-from ..analysis.images import FloatArray
+from ..analysis.images import FloatArray, luminance, smoothed_reference
+from ..analysis.intervals import Interval
 from ..analysis.pixel_bias import mean_bias
-from .results import Measured, ReferenceImage, Row, Run
+from .results import Image, Measured, ReferenceImage, Row, Run
 from .scalars import make_row, reference_of
 
 # Fireflies are white noise at a power that would hide everything else.
@@ -20,17 +22,44 @@ _SIGMA = 1.5
 
 def covariance(data: Measured) -> Iterator[Row]:
     """Relative covariance of the last frames of the runs, within 8 pixels."""
+    yield from _covariance(data, "", lambda image: np.asarray(image, dtype=np.float64))
+
+
+def clipped_covariance(data: Measured) -> Iterator[Row]:
+    """
+    The same of luminance that is clipped at 5 times the smoothed reference.
+
+    Where a few fireflies carry the covariance, this is what the rest of the image has.
+    """
+    ceiling = (1.0 + _CLIP) * smoothed_reference(reference_of(data).image)
+    yield from _covariance(data, ", clipped", lambda image: np.minimum(luminance(image), ceiling))
+
+
+def _covariance(
+    data: Measured, label: str, prepare: Callable[[Image], FloatArray]
+) -> Iterator[Row]:
     reference = reference_of(data).image
-    stacks = {name: np.stack([run.last for run in runs]) for name, runs in data.runs.items()}
-    base = stacks[data.baseline]
+    stacks = {
+        name: np.stack([prepare(run.last) for run in runs]) for name, runs in data.runs.items()
+    }
     for name, own in stacks.items():
         found = relative_covariance(own, reference)
-        ratio = None
-        if name != data.baseline and len(own) == len(base):
-            ratio = covariance_ratio(own, base, reference)
-        yield make_row(data, name, "relative covariance r=8", "", found.covariance, ratio)
-        yield make_row(data, name, "relative covariance r=8, with j=i", "", found.with_self, None)
-        yield make_row(data, name, "mean correlation r=8", "", found.normalised, None)
+        ratio, p_value = None, None
+        if partner := data.partner(name):
+            ratio = covariance_ratio(own, stacks[partner], reference)
+            p_value = _p_value(ratio)
+        quantity = f"relative covariance r=8{label}"
+        yield make_row(data, name, quantity, "", found.covariance, ratio, p_value=p_value)
+        yield make_row(data, name, f"{quantity}, with j=i", "", found.with_self, None)
+        yield make_row(data, name, f"mean correlation r=8{label}", "", found.normalised, None)
+
+
+def _p_value(ratio: Interval) -> float | None:
+    """Two-sided p-value of a bootstrapped ratio against 1, its logarithm taken as normal."""
+    if not (ratio.value > 0.0 and ratio.standard_error > 0.0):
+        return None
+    score = np.log(ratio.value) * ratio.value / ratio.standard_error
+    return float(2.0 * stats.norm.sf(abs(score)))
 
 
 def relative_errors(run: Run, reference: ReferenceImage) -> FloatArray:
@@ -47,8 +76,7 @@ def bands(data: Measured) -> Iterator[Row]:
         name: np.stack([spectrum.power_spectrum(relative_errors(run, reference)) for run in runs])
         for name, runs in data.runs.items()
     }
-    base = spectra[data.baseline]
-    f = spectrum.frequencies(base.shape[1:])
+    f = spectrum.frequencies(spectra[data.baseline].shape[1:])
     # Small images have no frequency in the lowest bands.
     resolved = [
         (low, high)
@@ -56,7 +84,8 @@ def bands(data: Measured) -> Iterator[Row]:
         if np.any((f >= low) & (f < high))
     ]
     for name, own in spectra.items():
-        other = base if name != data.baseline and len(own) == len(base) else None
+        partner = data.partner(name)
+        other = spectra[partner] if partner else None
         for found in spectrum.compare_bands(own, other, bands=resolved):
             low, high = found.band
             yield make_row(data, name, f"power {low:g}-{high:g}", "", found.power, found.ratio)
@@ -78,8 +107,8 @@ def covariance_of_frames(data: Measured) -> Iterator[Row]:
 
 def paired_mean(data: Measured) -> Iterator[Row]:
     """Relative difference of mean luminance from the baseline, over the same runs."""
-    base = [run.mean for run in data.runs[data.baseline]]
     for name, runs in data.runs.items():
-        if name != data.baseline and len(runs) == len(base) > 1:
-            value = mean_bias(np.stack([run.mean for run in runs]), np.stack(base))
+        if partner := data.partner(name):
+            pair = [np.stack([run.mean for run in other]) for other in (runs, data.runs[partner])]
+            value = mean_bias(*pair)
             yield make_row(data, name, "mean against the baseline, minus 1", "", value, None)

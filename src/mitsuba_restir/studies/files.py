@@ -11,7 +11,8 @@ from typing import Any
 import tomli_w
 
 from ..errors import UsageError, one_line
-from .config import Study, from_table, to_table
+from .config import Study
+from .tables import from_table, to_table
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -16,9 +16,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from .config import Size, Study, from_table
+from .config import Size, Study
 from .rays import counted_rays
 from .rendering import Renderer, load_scene, make_renderer, seed_of
+from .tables import from_table
 
 _PROBE_KEY = 3
 _REHEARSAL = 3

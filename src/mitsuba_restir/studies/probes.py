@@ -15,7 +15,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..errors import RenderError, one_line
-from .config import Size, Study, to_table
+from .config import Size, Study
+from .tables import to_table
 
 Numbers = Mapping[str, float]
 

@@ -6,8 +6,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..analysis import metrics
-from ..analysis.denoise import denoise
-from .correlations import bands, covariance, covariance_of_frames, filtered_mse, paired_mean
+from .correlations import (
+    bands,
+    clipped_covariance,
+    covariance,
+    covariance_of_frames,
+    filtered_mse,
+    paired_mean,
+)
+from .denoised import denoised
 from .probed import memory_slopes, of_probe
 from .results import Measured, Row
 from .scalars import equal_time, frame_time, of_last, relmse, speed
@@ -109,6 +116,12 @@ QUANTITIES: Mapping[str, Quantity] = {
         needs_reference=True,
         least_runs=2,
     ),
+    "covariance_clipped": Quantity(
+        "the same of luminance clipped at 5 times the smoothed reference",
+        clipped_covariance,
+        needs_reference=True,
+        least_runs=2,
+    ),
     "bands": Quantity(
         "power of the relative error by frequency band", bands, needs_reference=True, least_runs=2
     ),
@@ -122,27 +135,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     "mean_bias": Quantity(
         "mean luminance against the baseline's, run by run", paired_mean, least_runs=2
     ),
-    "denoised_rmse": Quantity(
-        "RMSE of the last frame after OIDN, without guides",
-        of_last(
-            "RMSE after OIDN",
-            lambda _, run, r: metrics.rmse(
-                denoise(run.last), r.image, reference_variance=r.variance
-            ),
-        ),
-        needs_reference=True,
-    ),
-    "denoised_relmse": Quantity(
-        "relMSE of the last frame after OIDN, without guides",
-        of_last("relMSE after OIDN", lambda data, run, _: relmse(data, denoise(run.last), 0.0)),
-        needs_reference=True,
-    ),
-    "denoised_flip": Quantity(
-        "HDR-FLIP of the last frame after OIDN, without guides",
-        of_last(
-            "HDR-FLIP after OIDN",
-            lambda _, run, r: metrics.hdr_flip(denoise(run.last), r.image).mean,
-        ),
+    "denoised": Quantity(
+        "RMSE, relMSE and HDR-FLIP of the last frame after OIDN, without guides",
+        denoised,
         needs_reference=True,
     ),
     "kernels": Quantity(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from ..errors import UsageError
 from ..imageio import read_rgb
@@ -37,6 +38,27 @@ def read_reference(study: Study) -> ReferenceImage:
     if variance.min() < 0.0:
         raise UsageError(f"{study.name}: {study.reference.variance} has negative values")
     return ReferenceImage(image, variance)
+
+
+def smooth(reference: ReferenceImage, sigma: float) -> ReferenceImage:
+    """
+    Smooth a reference by a Gaussian of `sigma` pixels.
+
+    Its variance falls by the sum of the squared weights, 1/(4 pi sigma²) for a wide Gaussian, whose
+    square is a Gaussian of sigma / sqrt(2).
+    """
+    if sigma == 0.0:
+        return reference
+    image = _blur(reference.image, sigma)
+    impulse = np.zeros((8 * int(np.ceil(sigma)) + 1,) * 2)
+    impulse[impulse.shape[0] // 2, impulse.shape[1] // 2] = 1.0
+    weights = ndimage.gaussian_filter(impulse, sigma)
+    variance = _blur(reference.variance, sigma / np.sqrt(2.0)) * float(np.sum(weights**2))
+    return ReferenceImage(image, variance)
+
+
+def _blur(image: npt.NDArray[np.float64], sigma: float) -> npt.NDArray[np.float64]:
+    return np.asarray(ndimage.gaussian_filter(image, (sigma, sigma, 0.0), mode="nearest"))
 
 
 def _read(study: Study, file: str) -> npt.NDArray[np.float64]:
@@ -83,11 +105,12 @@ def load_reference(folder: StudyFolder, size: Size) -> ReferenceImage | None:
     if reference is None:
         return None
     if reference.file:
-        return read_reference(folder.study)
+        return smooth(read_reference(folder.study), reference.smooth)
     batches = [folder.load_batch(size, index) for index in range(reference.batches)]
     found = np.array([b for b in batches if b is not None], dtype=np.float64)
     if len(found) < reference.batches:
         raise UsageError(
             f"{folder.path}: {reference.batches - len(found)} batches of the reference are missing"
         )
-    return ReferenceImage(found.mean(axis=0), found.var(axis=0, ddof=1) / len(found))
+    mean, variance = found.mean(axis=0), found.var(axis=0, ddof=1) / len(found)
+    return smooth(ReferenceImage(mean, variance), reference.smooth)

@@ -61,7 +61,9 @@ class Measured:
     runs : mapping of str to sequence of Run
         The finished runs of each variant, in order.
     baseline : str
-        The variant that ratios refer to.
+        The study's baseline.
+    baselines : mapping of str to str
+        The variant that a variant is compared with (itself for a baseline).
     reference : ReferenceImage or None
     epsilon, trim : float
         Of relMSE and its trimmed value.
@@ -72,10 +74,17 @@ class Measured:
     size: str
     runs: Mapping[str, Sequence[Run]]
     baseline: str
+    baselines: Mapping[str, str]
     reference: ReferenceImage | None
     epsilon: float
     trim: float
     probes: Mapping[tuple[str, str], Sequence[Mapping[str, float]]] = field(default_factory=dict)
+
+    def partner(self, variant: str) -> str | None:
+        """Return the variant that one is compared with run by run; None where that cannot be."""
+        other = self.baselines.get(variant, self.baseline)
+        paired = len(self.runs[variant]) == len(self.runs[other]) > 1
+        return other if other != variant and paired else None
 
     @property
     def variants(self) -> list[str]:

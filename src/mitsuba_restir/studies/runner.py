@@ -83,11 +83,14 @@ def _load_size(folder: StudyFolder, size: Size) -> Measured:
         loaded = [folder.load_run(size, name, index) for index in range(study.runs)]
         runs[name] = [run for run in loaded if run is not None]
         for probe in study.probes():
-            answers = [folder.load_probe(size, name, probe, index) for index in range(study.runs)]
+            answers = [folder.load_probe(size, name, probe, i) for i in range(study.probe_runs)]
             probes[name, probe] = [answer for answer in answers if answer is not None]
     reference = load_reference(folder, size)
     label = f"{size[0]}x{size[1]}"
-    return Measured(label, runs, study.baseline, reference, study.epsilon, study.trim, probes)
+    baselines = {name: study.baseline_of(name) for name in study.variants}
+    return Measured(
+        label, runs, study.baseline, baselines, reference, study.epsilon, study.trim, probes
+    )
 
 
 def render_missing(folder: StudyFolder, progress: Progress) -> None:
@@ -119,7 +122,7 @@ def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
     study = folder.study
     return [
         (size, name, probe, index)
-        for index in range(study.runs)
+        for index in range(study.probe_runs)
         for size in study.sizes
         for probe in study.probes()
         for name in study.variants

@@ -40,13 +40,14 @@ def per_run(
 ) -> Iterator[Row]:
     """One number of each run: mean over runs, and ratio of means to the baseline."""
     values = {name: np.array([measure(run) for run in runs]) for name, runs in data.runs.items()}
-    base = values[data.baseline]
     for name, own in values.items():
+        if not own.size:
+            continue
         value = intervals.mean_interval(own) if own.size > 1 else lone(float(own[0]))
         ratio, p_value = None, None
-        if name != data.baseline and own.size == base.size > 1:
-            ratio = _ratio(own, base)
-            p_value = intervals.paired_difference(own, base).p_value
+        if partner := data.partner(name):
+            ratio = _ratio(own, values[partner])
+            p_value = intervals.paired_difference(own, values[partner]).p_value
         yield make_row(data, name, quantity, unit, value, ratio, p_value=p_value)
 
 
@@ -70,11 +71,11 @@ def frame_time(data: Measured) -> Iterator[Row]:
     times = {
         name: 1e3 * np.concatenate([run.times for run in runs]) for name, runs in data.runs.items()
     }
-    base = times[data.baseline]
     for name, own in times.items():
         value = intervals.median_interval(own) if own.size > 1 else lone(float(own[0]))
         ratio, p_value = None, None
-        if name != data.baseline and own.size == base.size > 1:
+        base = times[data.baselines.get(name, data.baseline)]
+        if name != data.baselines.get(name, data.baseline) and own.size == base.size > 1:
             # Frame by frame: both were rendered one after the other, under the same load.
             ratio = intervals.median_interval(own / base)
             p_value = float(stats.binomtest(int(np.sum(own > base)), own.size).pvalue)

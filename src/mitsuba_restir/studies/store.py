@@ -16,15 +16,16 @@ import numpy.typing as npt
 
 from ..errors import RenderError, UsageError, one_line
 from ..imageio import write_atomically
-from .config import Size, Study, to_table
+from .config import Size, Study
 from .environment import environment
 from .files import dump_study, load_study
 from .lock import FILE as LOCK
 from .lock import FolderLock
 from .results import Image, Run
+from .tables import to_table
 
 # These decide how much is rendered or what is measured, not what a finished run looks like.
-_FREE_KEYS = frozenset({"runs", "quantities", "baseline", "epsilon", "trim"})
+_FREE_KEYS = frozenset({"runs", "probe_runs", "quantities", "baseline", "epsilon", "trim"})
 
 
 class StudyFolder:
@@ -206,7 +207,13 @@ def _make(folder: Path) -> None:
 
 
 def _rendering(study: Study) -> dict[str, Any]:
-    return {key: value for key, value in to_table(study).items() if key not in _FREE_KEYS}
+    table = {key: value for key, value in to_table(study).items() if key not in _FREE_KEYS}
+    for variant in table["variants"].values():
+        variant.pop("baseline", None)
+    if reference := table.get("reference"):
+        reference = table["reference"] = dict(reference)
+        del reference["smooth"]
+    return table
 
 
 def _digest(table: Mapping[str, Any]) -> str:

@@ -1,0 +1,129 @@
+"""Studies as TOML tables: every key checked, every default written out."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from ..errors import UsageError
+from . import fields
+from .config import Reference, Size, Study, Variant, View
+
+
+def to_table(study: Study) -> dict[str, Any]:
+    """Return the study as a complete TOML table, defaults included."""
+    table: dict[str, Any] = json.loads(json.dumps(asdict(study)))
+    table["sizes"] = [f"{width}x{height}" for width, height in study.sizes]
+    table["variants"] = {
+        name: {
+            "type": v.type,
+            "spp": v.spp,
+            **({"baseline": v.baseline} if v.baseline else {}),
+            **v.parameters,
+        }
+        for name, v in study.variants.items()
+    }
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def from_table(table: Mapping[str, Any], source: str) -> Study:
+    """
+    Build a study from a TOML table.
+
+    Parameters
+    ----------
+    table : mapping
+        Parsed TOML.
+    source : str
+        Where it comes from, for messages.
+
+    Raises
+    ------
+    UsageError
+        A key is missing, unknown or of the wrong kind; says which and what is allowed.
+    """
+    reader = fields.Reader(table, source)
+    variants = {name: _variant(reader.table("variants"), name) for name in _names(reader)}
+    view = reader.table("view") if "view" in table else None
+    reference = reader.table("reference") if "reference" in table else None
+    study = Study(
+        name=reader.text("name"),
+        scene=reader.text("scene"),
+        variants=variants,
+        sizes=tuple(_size(text, source) for text in reader.texts("sizes", ("320x180",))),
+        baseline=reader.text("baseline", ""),
+        view=None if view is None else _view(view),
+        max_depth=reader.integer("max_depth", 10, least=-1),
+        frames=reader.integer("frames", 1, least=1),
+        warmup=reader.integer("warmup", 0, least=0),
+        runs=reader.integer("runs", 2, least=1),
+        probe_runs=reader.integer("probe_runs", 2, least=1),
+        seed=reader.integer("seed", 0, least=0),
+        quantities=reader.texts("quantities", ("time",)),
+        keep=reader.choice("keep", "last", ("last", "all")),
+        reference=None if reference is None else _reference(reference),
+        epsilon=reader.number("epsilon", 0.01, positive=True),
+        trim=reader.number("trim", 0.001),
+        freeze=reader.flag("freeze", True),
+        mitsuba_variant=reader.text("mitsuba_variant", "llvm_ad_rgb"),
+    )
+    reader.finish()
+    return study
+
+
+def _names(reader: fields.Reader) -> list[str]:
+    names = reader.table("variants").keys()
+    for name in names:
+        if not re.fullmatch(r"[A-Za-z0-9][\w+.-]*", name):
+            raise UsageError(f"{reader.source}: '{name}' cannot name a variant: use a-z, 0-9, _+.-")
+    if not names:
+        raise UsageError(f"{reader.source}: [variants] is empty: name at least one")
+    return names
+
+
+def _variant(variants: fields.Reader, name: str) -> Variant:
+    reader = variants.table(name)
+    kind, spp = reader.text("type"), reader.integer("spp", 1, least=1)
+    baseline = reader.text("baseline", "")
+    return Variant(kind, spp, reader.rest(), baseline)
+
+
+def _view(reader: fields.Reader) -> View:
+    view = View(
+        fov=reader.number("fov", positive=True),
+        origin=reader.vector("origin"),
+        target=reader.vector("target"),
+        up=reader.vector("up", (0.0, 1.0, 0.0)),
+    )
+    reader.finish()
+    return view
+
+
+def _reference(reader: fields.Reader) -> Reference:
+    reference = Reference(
+        file=reader.text("file", ""),
+        variance=reader.text("variance", ""),
+        spp=reader.integer("spp", 0, least=0),
+        batches=reader.integer("batches", 16, least=2),
+        smooth=reader.number("smooth", 0.0),
+    )
+    reader.finish()
+    if bool(reference.file) == bool(reference.spp):
+        raise UsageError(f"{reader.source}: give either file or spp")
+    if reference.spp % reference.batches:
+        raise UsageError(
+            f"{reader.source}: spp = {reference.spp} is no multiple of the "
+            f"{reference.batches} batches"
+        )
+    return reference
+
+
+def _size(text: str, source: str) -> Size:
+    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    if min(size) < 1:
+        raise UsageError(f"{source}: sizes must be like '320x180', not '{text}'")
+    return size
