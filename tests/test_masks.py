@@ -55,7 +55,8 @@ def annealed():
 def test_energy_falls_from_temperature_to_temperature(annealed):
     values, result, stages = annealed
     energies = [energy(values), *(stage.energy for stage in stages)]
-    assert [stage.temperature for stage in stages] == [*georgiev.TEMPERATURES, *[0.0] * 40]
+    greedy = [0.0] * georgiev.GREEDY_SWEEPS
+    assert [stage.temperature for stage in stages] == [*georgiev.TEMPERATURES, *greedy]
     assert np.all(np.diff(energies) < 0.0)
     assert energy(result) == pytest.approx(stages[-1].energy, rel=1e-12)
     # As far below white noise as void-and-cluster, within a tenth of the way.
@@ -140,7 +141,7 @@ def test_void_and_cluster_is_even_at_every_threshold():
         power = power_spectrum(points, window="none") / (share * (1.0 - share))
         # The fewer points (or holes), the lower the frequencies of which they can keep clear.
         limit = 0.4 * np.sqrt(min(share, 1.0 - share))
-        assert band_power(power, [(0.0, limit)])[0] < 0.1
+        assert band_power(power, [(0.0, limit)])[0] < 0.12
 
 
 @pytest.mark.parametrize("kind", ["void_and_cluster", "white"])
