@@ -20,7 +20,7 @@ import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
 from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
-from mitsuba_restir.studies import load_study, packaged_studies, run_study
+from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study
 from mitsuba_restir.studies.__main__ import main
 from mitsuba_restir.studies.config import Study, Variant
 from mitsuba_restir.studies.files import dump_study
@@ -51,6 +51,11 @@ type = "path"
 type = "path"
 spp = 4
 """
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
 
 
 @pytest.fixture
@@ -338,9 +343,14 @@ def test_a_smoothed_reference_is_surer() -> None:
 
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 25, 27])
 def test_interrupted_studies_end_with_the_same_numbers(
-    stop: int, study: Study, tmp_path: Path, log: list[tuple[str, int]]
+    stop: int,
+    study: Study,
+    tmp_path: Path,
+    log: list[tuple[str, int]],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     run_study(study, tmp_path / "whole")
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "another cache"))
 
     def interrupt(done: int, total: int, text: str) -> None:
         assert total == 2 * 3 * 4 + 4

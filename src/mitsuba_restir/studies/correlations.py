@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy import stats
@@ -13,7 +13,7 @@ from ..analysis.images import FloatArray, luminance, smoothed_reference
 from ..analysis.intervals import Interval
 from ..analysis.pixel_bias import mean_bias
 from .results import Image, Measured, ReferenceImage, Row, Run
-from .scalars import make_row, reference_of
+from .scalars import make_row, reference_of, rows_of_runs
 
 # Fireflies are white noise at a power that would hide everything else.
 _CLIP = 4.0
@@ -64,7 +64,8 @@ def _p_value(ratio: Interval) -> float | None:
 
 def relative_errors(run: Run, reference: ReferenceImage) -> FloatArray:
     """Clipped relative errors of the last frame, or of all where they are kept: (F, H, W)."""
-    frames = run.last[None] if run.frames is None else run.frames
+    frames = run.frames
+    frames = run.last[None] if frames is None else frames
     errors = [spectrum.relative_error(image, reference.image, clip=_CLIP) for image in frames]
     return np.stack(errors)
 
@@ -100,9 +101,35 @@ def covariance_of_frames(data: Measured) -> Iterator[Row]:
     """Covariance of consecutive frames, where every frame is kept."""
     reference = reference_of(data).image
     for name, runs in data.runs.items():
-        frames = [run.frames for run in runs if run.frames is not None]
-        value = temporal_covariance(np.stack(frames), reference)
+        value = temporal_covariance(np.stack(_luminances(runs)), reference)
         yield make_row(data, name, "covariance of consecutive frames", "", value, None)
+
+
+def _luminances(runs: Sequence[Run]) -> list[FloatArray]:
+    """Luminance of every frame of every run, (F, H, W) each."""
+    kept = ((run, run.frames) for run in runs)
+    return [
+        np.stack([luminance(frame) for frame in frames]) for _, frames in kept if frames is not None
+    ]
+
+
+def covariance_in_sequence(data: Measured) -> Iterator[Row]:
+    """
+    Relative covariance over consecutive frames of one sequence, mean over the runs.
+
+    Not that of independent runs: the frames share their history, whose error their mean hides.
+    """
+    reference = reference_of(data).image
+    values = {
+        name: np.array(
+            [
+                relative_covariance(frames, reference, resamples=2).covariance.value
+                for frames in _luminances(runs)
+            ]
+        )
+        for name, runs in data.runs.items()
+    }
+    yield from rows_of_runs(data, "covariance r=8 within a sequence", "", values)
 
 
 def paired_mean(data: Measured) -> Iterator[Row]:

@@ -9,17 +9,14 @@ import numpy as np
 
 from ..analysis import metrics
 from ..analysis.denoise import denoise
-from .results import Measured, Row
+from .results import Measured, Row, Run
 from .scalars import per_run, reference_of, relmse
 
 
 def denoised(data: Measured) -> Iterator[Row]:
     """RMSE, relMSE and HDR-FLIP of the last frames after OIDN's filter without guides."""
     r = reference_of(data)
-    cleaned = {
-        name: [replace(run, last=denoise(run.last).astype(np.float32), frames=None) for run in runs]
-        for name, runs in data.runs.items()
-    }
+    cleaned = {name: [_denoised(run) for run in runs] for name, runs in data.runs.items()}
     clean = replace(data, runs=cleaned)
     yield from per_run(
         clean,
@@ -31,3 +28,7 @@ def denoised(data: Measured) -> Iterator[Row]:
     yield from per_run(
         clean, "HDR-FLIP after OIDN", "", lambda run: metrics.hdr_flip(run.last, r.image).mean
     )
+
+
+def _denoised(run: Run) -> Run:
+    return replace(run, last=denoise(run.last).astype(np.float32), load_frames=None)

@@ -10,6 +10,7 @@ from .correlations import (
     bands,
     clipped_covariance,
     covariance,
+    covariance_in_sequence,
     covariance_of_frames,
     filtered_mse,
     paired_mean,
@@ -121,6 +122,12 @@ QUANTITIES: Mapping[str, Quantity] = {
         clipped_covariance,
         needs_reference=True,
         least_runs=2,
+    ),
+    "covariance_in_sequence": Quantity(
+        "relative covariance over consecutive frames, as the source document reads it",
+        covariance_in_sequence,
+        needs_reference=True,
+        sequences=True,
     ),
     "bands": Quantity(
         "power of the relative error by frequency band", bands, needs_reference=True, least_runs=2

@@ -94,7 +94,7 @@ def render_batches(
     variant = Variant("path", spp, parameters)
     renderer = make_renderer(study, scene, size, "reference", variant)
     for batch in batches:
-        image, _ = renderer.frame(seed_of(study.seed, REFERENCE_KEY, batch))
+        image, _ = renderer.frame(seed_of(0, REFERENCE_KEY, batch))
         folder.save_batch(size, batch, image)
         done()
 

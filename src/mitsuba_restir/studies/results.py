@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,14 +24,19 @@ class Run:
         Last measured frame, and the mean of all measured frames.
     times : array, (frames,)
         Seconds of each measured frame.
-    frames : array, (frames, H, W, 3), or None
-        Every measured frame, where the study keeps all.
+    load_frames : callable or None
+        Reads every measured frame, (frames, H, W, 3), where the study keeps all.
     """
 
     last: Image
     mean: Image
     times: npt.NDArray[np.float64]
-    frames: Image | None = None
+    load_frames: Callable[[], Image] | None = None
+
+    @property
+    def frames(self) -> Image | None:
+        """Every measured frame, (frames, H, W, 3), read anew: they are large."""
+        return None if self.load_frames is None else self.load_frames()
 
 
 @dataclass(frozen=True)

@@ -203,7 +203,7 @@ def _render_runs(
             images[name][-1],
             (sums[name] / study.frames).astype(np.float32),
             np.array(times[name]),
-            np.stack(images[name]) if study.keep == "all" else None,
+            partial(np.stack, images[name]) if study.keep == "all" else None,
         )
         for name in names
     }

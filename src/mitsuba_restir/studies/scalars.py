@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +40,13 @@ def per_run(
 ) -> Iterator[Row]:
     """One number of each run: mean over runs, and ratio of means to the baseline."""
     values = {name: np.array([measure(run) for run in runs]) for name, runs in data.runs.items()}
+    yield from rows_of_runs(data, quantity, unit, values)
+
+
+def rows_of_runs(
+    data: Measured, quantity: str, unit: str, values: Mapping[str, FloatArray]
+) -> Iterator[Row]:
+    """Rows from one number of each run of every variant."""
     for name, own in values.items():
         if not own.size:
             continue
@@ -151,5 +158,6 @@ def equal_time(data: Measured) -> Iterator[Row]:
 
 def _error_of_a_frame(data: Measured, run: Run, trim: float) -> float:
     """Mean over the frames of a run, where they are kept: one frame's error is very noisy."""
-    frames = run.last[None] if run.frames is None else run.frames
+    frames = run.frames
+    frames = run.last[None] if frames is None else frames
     return float(np.mean([relmse(data, frame, trim) for frame in frames]))

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
-import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
-from ..errors import RenderError, UsageError, one_line
+from ..errors import UsageError, one_line
 from ..imageio import write_atomically
+from .arrays import Arrays, load_arrays, make_folder, save_arrays
+from .cache import reference_digest, reference_folder
 from .config import Size, Study
 from .environment import environment
 from .files import dump_study, load_study
@@ -51,6 +49,7 @@ class StudyFolder:
         self.study = study
         self.digest = _digest(_rendering(study))
         self.refused: list[str] = []
+        self._references: dict[Size, tuple[Path, str]] = {}
         self._lock: FolderLock | None = None
         config = path / "config.toml"
         if config.exists():
@@ -114,20 +113,32 @@ class StudyFolder:
         return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}.npz"
 
     def load_run(self, size: Size, variant: str, index: int) -> Run | None:
-        """Return a finished run, or None where there is none that can be trusted."""
-        arrays = self._load(self._file("runs", size, variant, index), size)
-        if arrays is None:
+        """
+        Return a finished run, or None where there is none that can be trusted.
+
+        Its single frames stay on the disk until they are asked for.
+        """
+        path = self._file("runs", size, variant, index)
+        label = {"digest": self.digest, "file": self._label(path)}
+        found = self._load(path, label, size, leave=("frames",))
+        if found is None:
             return None
+        arrays, left = found
         mean = arrays["mean"]
-        return Run(arrays.get("last", mean), mean, arrays["times"], arrays.get("frames"))
+
+        def frames() -> Image:
+            return load_arrays(path, label)[0]["frames"]
+
+        load_frames = frames if "frames" in left else None
+        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames)
 
     def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
         """Write a finished run (RenderError where the disk refuses it)."""
         arrays: dict[str, npt.NDArray[Any]] = {"mean": run.mean, "times": run.times}
         if len(run.times) > 1:
             arrays["last"] = run.last
-        if run.frames is not None:
-            arrays["frames"] = run.frames
+        if (frames := run.frames) is not None:
+            arrays["frames"] = frames
         self._save(self._file("runs", size, variant, index), arrays)
 
     def load_probe(
@@ -152,67 +163,63 @@ class StudyFolder:
         """Write what a probe said of a run."""
         path = self._probe_file(size, variant, probe, index)
         content = {"digest": self.digest, "file": self._label(path), "numbers": dict(numbers)}
-        _make(path.parent)
+        make_folder(path.parent)
         write_atomically(path, json.dumps(content).encode())
 
     def _probe_file(self, size: Size, variant: str, probe: str, index: int) -> Path:
         return self._file(f"probes/{probe}", size, variant, index).with_suffix(".json")
 
     def load_batch(self, size: Size, index: int) -> Image | None:
-        """Return a finished batch of the reference, or None."""
-        arrays = self._load(self._file("reference", size, "path", index), size)
-        return None if arrays is None else arrays["mean"]
+        """Return a finished batch of the reference, whichever study rendered it, or None."""
+        path, label = self._batch(size, index)
+        found = self._load(path, label, size)
+        return None if found is None else found[0]["mean"]
 
     def save_batch(self, size: Size, index: int, image: Image) -> None:
         """Write a finished batch of the reference."""
-        self._save(self._file("reference", size, "path", index), {"mean": image})
+        path, label = self._batch(size, index)
+        save_arrays(path, label, {"mean": image})
+
+    def _batch(self, size: Size, index: int) -> tuple[Path, dict[str, str]]:
+        if size not in self._references:
+            self._references[size] = (
+                reference_folder(self.study, size),
+                reference_digest(self.study, size),
+            )
+        folder, digest = self._references[size]
+        return folder / f"{index:04d}.npz", {"digest": digest, "batch": str(index)}
 
     def write(self, name: str, data: bytes) -> None:
         """Write a file of results."""
         write_atomically(self.path / name, data)
 
     def _save(self, path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        buffer = io.BytesIO()
-        label = json.dumps({"digest": self.digest, "file": self._label(path)})
-        np.savez_compressed(buffer, label=np.array(label), **arrays)  # type: ignore[arg-type]
-        _make(path.parent)
-        write_atomically(path, buffer.getvalue())
+        save_arrays(path, {"digest": self.digest, "file": self._label(path)}, arrays)
 
     def _label(self, path: Path) -> str:
         return path.relative_to(self.path).as_posix()
 
-    def _load(self, path: Path, size: Size) -> dict[str, npt.NDArray[Any]] | None:
+    def _load(
+        self, path: Path, label: Mapping[str, str], size: Size, leave: Collection[str] = ()
+    ) -> tuple[Arrays, Mapping[str, tuple[int, ...]]] | None:
         if not path.exists():
             return None
         try:
-            # From memory: np.load leaves a file open that it cannot make sense of.
-            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            label = json.loads(str(arrays.pop("label")))
-            if label != {"digest": self.digest, "file": self._label(path)}:
-                raise ValueError("it belongs to another study or place")
+            arrays, left = load_arrays(path, label, leave)
             if arrays["mean"].shape != (size[1], size[0], 3):
                 raise ValueError("its image has another size")
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        except (ValueError, KeyError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
             return None
-        return arrays
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RenderError(f"cannot make {folder}: {error.strerror}") from error
+        return arrays, left
 
 
 def _rendering(study: Study) -> dict[str, Any]:
     table = {key: value for key, value in to_table(study).items() if key not in _FREE_KEYS}
     for variant in table["variants"].values():
         variant.pop("baseline", None)
-    if reference := table.get("reference"):
-        reference = table["reference"] = dict(reference)
-        del reference["smooth"]
+    # References have keys of their own: runs do not depend on them.
+    table.pop("reference", None)
     return table
 
 
