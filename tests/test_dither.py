@@ -162,13 +162,34 @@ def test_vertex_may_differ_from_lane_to_lane(rgb, blue):
         assert mixed[vertex] == np.array(uniform2(stream, vertex, DIRECTION)[0])[0]
 
 
-def test_samples_of_a_pixel_fill_the_interval_evenly(rgb, blue):
+def test_samples_of_a_pixel_are_even_in_each_dimension(rgb, blue):
     # Kronecker sequences: N points leave no gap much above 1/N, which hashed numbers do.
     count = 32
-    u = samples(mi.UInt32(9), dr.arange(mi.UInt32, count), mi.UInt32(0), dither(blue))
-    for values in np.sort(u, axis=1):
-        gaps = np.diff([*values, values[0] + 1.0])
-        assert gaps.max() < 3.0 / count
+    name = (mi.UInt32(9), dr.arange(mi.UInt32, count), mi.UInt32(0))
+    for vertex in (1, 2):
+        u = samples(*name, dither(blue, 2), vertex)
+        for values in np.sort(u, axis=1):
+            gaps = np.diff([*values, values[0] + 1.0])
+            assert gaps.max() < 3.0 / count
+
+
+SHAPES = {
+    "sum": lambda a, b: a + b < 1.0,
+    "difference": lambda a, b: a < b,
+    "disc": lambda a, b: (a - 0.5) ** 2 + (b - 0.5) ** 2 < 0.1,
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("vertex", [1, 2])
+def test_samples_of_a_pixel_are_even_in_pairs(rgb, blue, shape, vertex):
+    # Variance over seeds of the mean of 20 samples, against 20 independent ones.
+    count, seeds = 20, 1000
+    lane = dr.arange(mi.UInt32, count * seeds)
+    u = samples(mi.UInt32(9) + 0 * lane, lane % count, lane // count, dither(blue, 2), vertex)
+    for a, b in ((u[1], u[2]), (u[3], u[4])):
+        inside = SHAPES[shape](a, b).reshape(seeds, count)
+        assert inside.mean(axis=1).var() < 0.4 * inside.var() / count
 
 
 @dr.syntax

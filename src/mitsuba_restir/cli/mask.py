@@ -74,9 +74,7 @@ def _spectrum(ranks: Ranks) -> npt.NDArray[np.float64]:
     return power_spectrum(values, window="none") / float(values.var())
 
 
-def _mask_files(
-    stem: Path, ranks: Ranks, spectrum: npt.NDArray[np.float64]
-) -> dict[Path, bytes]:
+def _mask_files(stem: Path, ranks: Ranks, spectrum: npt.NDArray[np.float64]) -> dict[Path, bytes]:
     """Files of one mask, by path."""
     array = io.BytesIO()
     np.save(array, ranks)
