@@ -270,6 +270,7 @@ def test_every_quantity_can_be_measured(
     if "denoised" in name:
         pytest.importorskip("mitsuba_oidn")
     changes = [f'quantities=["{name}"]', "warmup=0", "keep='all'", 'sizes=["48x32"]']
+    changes.append("reference.spp=4096")
     table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
     assert {row.variant for row in table.rows} >= {"better"}
     assert all(np.isfinite([row.value.value, row.value.low]).all() for row in table.rows)
@@ -339,6 +340,49 @@ def test_a_smoothed_reference_is_surer() -> None:
     inside = np.var([i.image[15:25, 15:35] for i in images], axis=0).mean()
     assert images[0].variance.mean() == pytest.approx(inside, rel=0.15)
     assert np.mean([i.image for i in images]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_reference_that_is_too_noisy_is_refused(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    changes = ["reference.spp=2", "reference.batches=2", 'quantities=["rmse", "time"]']
+    table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
+    assert {row.quantity for row in table.rows} == {"time of a frame"}
+    assert len(table.notes) == 1
+    assert "rmse at 24x16 is not given" in table.notes[0]
+    assert "the reference's own noise; give the reference 2 times the samples" in table.notes[0]
+
+
+def test_references_are_shared_between_studies(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    run_study(study, tmp_path / "one")
+    assert len([1 for name, _ in log if name == "reference"]) == 4
+    log.clear()
+    file = str(tmp_path / "small.toml")
+    run_study(load_study(file, ["seed=8", "runs=2"]), tmp_path / "two")
+    assert "reference" not in {name for name, _ in log}
+    # More samples add to what is there; another scene starts anew.
+    run_study(load_study(file, ["reference={spp=96, batches=6}"]), tmp_path / "one")
+    assert len([1 for name, _ in log if name == "reference"]) == 2
+    log.clear()
+    run_study(load_study(file, ["scene=cornell"]), tmp_path / "three")
+    assert len([1 for name, _ in log if name == "reference"]) == 4
+
+
+def test_a_scene_is_known_by_its_content(tmp_path: Path, study: Study) -> None:
+    (tmp_path / "meshes").mkdir()
+    mesh, scene = tmp_path / "meshes" / "a.ply", tmp_path / "scene.xml"
+    mesh.write_bytes(b"ply")
+    scene.write_text(
+        '<scene version="3.0.0"><string name="filename" value="meshes/a.ply"/></scene>'
+    )
+    changed = load_study(str(tmp_path / "small.toml"), [f"scene={scene}"])
+    first = cache.scene_digest(changed)
+    assert first != cache.scene_digest(study)
+    assert cache.scene_digest(changed) == first
+    mesh.write_bytes(b"PLY")
+    assert cache.scene_digest(changed) != first
 
 
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 25, 27])

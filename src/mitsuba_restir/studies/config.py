@@ -33,6 +33,20 @@ class View:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """
+    A camera that moves evenly and arrives at the study's view with the last frame of a run.
+
+    Fields
+    ------
+    step : (float, float, float)
+        World units per frame.
+    """
+
+    step: Vector
+
+
+@dataclass(frozen=True)
 class Variant:
     """
     One way to render the scene.
@@ -97,6 +111,8 @@ class Study:
         The variant that ratios refer to; the first one by default.
     view : View or None
         None is the scene's own camera.
+    motion : Motion or None
+        None is a camera at rest.
     max_depth : int
         Longest path in edges, for all variants and the reference; -1 is unlimited.
     frames, warmup : int
@@ -125,6 +141,7 @@ class Study:
     sizes: Sequence[Size] = ((320, 180),)
     baseline: str = ""
     view: View | None = None
+    motion: Motion | None = None
     max_depth: int = 10
     frames: int = 1
     warmup: int = 0
@@ -156,6 +173,11 @@ class Study:
             )
         for name in self.quantities:
             self._check_quantity(name)
+        if self.motion is not None and self.frames > 1:
+            raise UsageError(
+                f"{self.name}: a moving camera meets its reference in the last frame: frames must "
+                "be 1 (and warmup the frames before)"
+            )
         if self.reference and self.reference.file and len(self.sizes) > 1:
             raise UsageError(f"{self.name}: a reference file fits one size, not {len(self.sizes)}")
 

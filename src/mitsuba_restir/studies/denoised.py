@@ -9,6 +9,7 @@ import numpy as np
 
 from ..analysis import metrics
 from ..analysis.denoise import denoise
+from .noise import check_reference
 from .results import Measured, Row, Run
 from .scalars import per_run, reference_of, relmse
 
@@ -17,6 +18,7 @@ def denoised(data: Measured) -> Iterator[Row]:
     """RMSE, relMSE and HDR-FLIP of the last frames after OIDN's filter without guides."""
     r = reference_of(data)
     cleaned = {name: [_denoised(run) for run in runs] for name, runs in data.runs.items()}
+    check_reference(data, cleaned, "denoised")
     clean = replace(data, runs=cleaned)
     yield from per_run(
         clean,

@@ -6,28 +6,44 @@ from collections.abc import Sequence
 
 from ..errors import RenderError
 from .config import Study
+from .noise import NoisyReferenceError, check_reference
 from .quantities import QUANTITIES
 from .results import Measured, Row
 
 
-def measure_size(study: Study, data: Measured) -> list[Row]:
+def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
     """
     Measure everything that a study asks for at one size.
+
+    Returns
+    -------
+    rows : list of Row
+    notes : list of str
+        What was asked for but cannot be given, and why.
 
     Raises
     ------
     RenderError
         An image holds values that are not finite, or a package is missing.
     """
+    rows: list[Row] = []
+    notes: list[str] = []
     try:
         if study.shows_images() and not data.runs.get(data.baseline):
             raise ValueError(f"the baseline '{data.baseline}' has no finished run")
-        # Quantities yield all rows of a variant; readers compare variants of a quantity.
-        rows = [row for name in study.quantities for row in QUANTITIES[name].rows(data)]
+        for name in study.quantities:
+            quantity = QUANTITIES[name]
+            try:
+                if quantity.needs_reference:
+                    check_reference(data, data.runs, name)
+                # Quantities yield all rows of a variant; readers compare variants of a quantity.
+                rows += list(quantity.rows(data))
+            except NoisyReferenceError as error:
+                notes.append(str(error))
     except (ValueError, ImportError) as error:
         raise RenderError(f"{study.name} at {data.size} cannot be measured: {error}") from error
     order = list(dict.fromkeys(row.quantity for row in rows))
-    return sorted(rows, key=lambda row: order.index(row.quantity))
+    return sorted(rows, key=lambda row: order.index(row.quantity)), notes
 
 
 def measure_across(study: Study, sizes: Sequence[Measured]) -> list[Row]:

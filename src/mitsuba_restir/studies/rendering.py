@@ -41,6 +41,8 @@ class Renderer:
         Forgets the history.
     has_history : bool
         Frames depend on earlier ones.
+    place : callable or None
+        Moves the camera to where it is so many frames before the last.
     statistics, history : callable or None
         What the integrator says about its last frame, and what it keeps for the next one.
     """
@@ -48,8 +50,15 @@ class Renderer:
     draw: Callable[[int], Any]
     reset: Callable[[], None]
     has_history: bool
+    place: Callable[[int], None] | None = None
     statistics: Callable[[], Mapping[str, Any]] | None = None
     history: Callable[[], Any] | None = None
+
+    def frame_before_last(self, seed: int, frames: int) -> tuple[Image, float]:
+        """Render the frame that comes so many frames before the last one."""
+        if self.place is not None:
+            self.place(frames)
+        return self.frame(seed)
 
     def frame(self, seed: int) -> tuple[Image, float]:
         """
@@ -185,6 +194,7 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
     """
     integrator = make_integrator(study, name, variant)
     sensor = make_sensor(study, scene, size)
+    place = _placer(study, sensor)
     reset = getattr(integrator, "reset", None)
     if reset is not None or not study.freeze:
 
@@ -195,7 +205,7 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
 
         statistics = getattr(integrator, "statistics", None)
         history = None if reset is None else lambda: integrator._history
-        return Renderer(draw, reset or _nothing, reset is not None, statistics, history)
+        return Renderer(draw, reset or _nothing, reset is not None, place, statistics, history)
 
     @dr.freeze
     def frozen(scene: Any, sensor: Any, seed: Any) -> Any:
@@ -205,7 +215,26 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
         # A literal seed would be compiled into the kernel, and every frame would compile anew.
         return frozen(scene, sensor, dr.opaque(mi.UInt32, seed))
 
-    return Renderer(draw_frozen, _nothing, False)
+    return Renderer(draw_frozen, _nothing, False, place)
+
+
+def _placer(study: Study, sensor: Any) -> Callable[[int], None] | None:
+    """Make what moves a sensor along the study's motion; the sensor is where the motion ends."""
+    if study.motion is None:
+        return None
+    parameters = mi.traverse(sensor)
+    end = np.array(parameters["to_world"].matrix, dtype=np.float64).reshape(4, 4)
+    step = np.array(study.motion.step)
+
+    def place(frames: int) -> None:
+        matrix = end.copy()
+        matrix[:3, 3] -= frames * step
+        moved = mi.ScalarTransform4f(matrix)
+        parameters["to_world"] = type(parameters["to_world"])(moved.matrix)
+        dr.make_opaque(parameters["to_world"])
+        parameters.update()
+
+    return place
 
 
 def _nothing() -> None:

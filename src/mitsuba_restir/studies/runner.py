@@ -21,7 +21,7 @@ from .reference import (
     render_batches,
 )
 from .rendering import Renderer, load_scene, make_renderer, seed_of
-from .results import Image, Measured, Run
+from .results import Image, Measured, Row, Run
 from .store import StudyFolder
 from .table import Table
 
@@ -68,15 +68,21 @@ def run_study(study: Study, path: Path, progress: Progress | None = None) -> Tab
 def measure(folder: StudyFolder) -> Table:
     """Measure the finished runs of a study and write the table beside them."""
     study = folder.study
-    sizes = [_load_size(folder, size) for size in study.sizes]
-    rows = [row for data in sizes for row in measure_size(study, data)]
-    table = Table(rows + measure_across(study, sizes), tuple(dict.fromkeys(folder.refused)))
+    sizes = [load_size(folder, size) for size in study.sizes]
+    rows: list[Row] = []
+    notes = list(folder.refused)
+    for data in sizes:
+        found, refused = measure_size(study, data)
+        rows += found
+        notes += refused
+    table = Table(rows + measure_across(study, sizes), tuple(dict.fromkeys(notes)))
     folder.write("results.csv", table.csv().encode())
     folder.write("results.json", table.json().encode())
     return table
 
 
-def _load_size(folder: StudyFolder, size: Size) -> Measured:
+def load_size(folder: StudyFolder, size: Size) -> Measured:
+    """Load the finished runs of a size, what the probes said, and the reference."""
     study = folder.study
     runs, probes = {}, {}
     for name in study.variants:
@@ -168,7 +174,8 @@ def _render_size(
     meter.say(f"{size[0]}x{size[1]}: compiling")
     for renderer in renderers.values():
         for frame in range(_REHEARSAL):
-            renderer.frame(seed_of(study.seed, REHEARSAL_KEY, frame))
+            seed = seed_of(study.seed, REHEARSAL_KEY, frame)
+            renderer.frame_before_last(seed, _REHEARSAL - 1 - frame)
     for index, names in missing.items():
         runs = _render_runs(study, {name: renderers[name] for name in names}, index, meter, size)
         for name, run in runs.items():
@@ -185,14 +192,15 @@ def _render_runs(
     sums: dict[str, Any] = dict.fromkeys(renderers, 0.0)
     times: dict[str, list[float]] = {name: [] for name in renderers}
     names = list(renderers)
-    for frame in range(study.warmup + study.frames):
+    last = study.warmup + study.frames - 1
+    for frame in range(last + 1):
         seed = seed_of(study.seed, RUN_KEY, index, frame)
         # Whoever comes first changes with every frame: no variant profits from its place.
         first = (index + frame) % len(names)
         for name in names[first:] + names[:first]:
             measured = frame >= study.warmup
             if measured or renderers[name].has_history:
-                image, seconds = renderers[name].frame(seed)
+                image, seconds = renderers[name].frame_before_last(seed, last - frame)
             if measured:
                 times[name].append(seconds)
                 sums[name] = sums[name] + image.astype(np.float64)

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import UsageError
 from . import fields
-from .config import Reference, Size, Study, Variant, View
+from .config import Motion, Reference, Size, Study, Variant, View
 
 
 def to_table(study: Study) -> dict[str, Any]:
@@ -48,6 +48,7 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
     reader = fields.Reader(table, source)
     variants = {name: _variant(reader.table("variants"), name) for name in _names(reader)}
     view = reader.table("view") if "view" in table else None
+    motion = reader.table("motion") if "motion" in table else None
     reference = reader.table("reference") if "reference" in table else None
     study = Study(
         name=reader.text("name"),
@@ -56,6 +57,7 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
         sizes=tuple(_size(text, source) for text in reader.texts("sizes", ("320x180",))),
         baseline=reader.text("baseline", ""),
         view=None if view is None else _view(view),
+        motion=None if motion is None else _motion(motion),
         max_depth=reader.integer("max_depth", 10, least=-1),
         frames=reader.integer("frames", 1, least=1),
         warmup=reader.integer("warmup", 0, least=0),
@@ -100,6 +102,12 @@ def _view(reader: fields.Reader) -> View:
     )
     reader.finish()
     return view
+
+
+def _motion(reader: fields.Reader) -> Motion:
+    motion = Motion(reader.vector("step"))
+    reader.finish()
+    return motion
 
 
 def _reference(reader: fields.Reader) -> Reference:
