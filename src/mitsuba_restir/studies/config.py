@@ -133,6 +133,10 @@ class Study:
         Record the kernels of other integrators than `restir_pt` once (``dr.freeze``), so that small
         images do not measure Python overhead.
     mitsuba_variant : str
+    about : str
+        What the study is for and how to read it; shown in its report.
+    published : mapping of str to mapping of str to float
+        Values of others to be shown beside, by variant and quantity.
     """
 
     name: str
@@ -155,6 +159,8 @@ class Study:
     trim: float = 0.001
     freeze: bool = True
     mitsuba_variant: str = "llvm_ad_rgb"
+    about: str = ""
+    published: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check what concerns several fields (UsageError)."""

@@ -2,36 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from .config import Size, Study
 from .measuring import measure_across, measure_size
 from .probes import PROBES
 from .reference import (
-    REHEARSAL_KEY,
-    RUN_KEY,
     load_reference,
     missing_batches,
     read_reference,
     render_batches,
 )
-from .rendering import Renderer, load_scene, make_renderer, seed_of
+from .rendering import Renderer, load_scene, make_renderer
 from .results import Image, Measured, Row, Run
+from .runs import rehearse, remote_run, render_run
 from .store import StudyFolder
 from .table import Table
+from .tables import to_table
 
 Progress = Callable[[int, int, str], None]
 
-# The first frame compiles kernels, the second those of a frame with history.
-_REHEARSAL = 3
+Cluster = Callable[[Callable[..., Any], Sequence[Any]], Iterable[tuple[Any, Any]]]
+"""Calls a function with many tuples of arguments; yields (arguments, answer) as they end."""
 
 
-def run_study(study: Study, path: Path, progress: Progress | None = None) -> Table:
+def run_study(
+    study: Study, path: Path, progress: Progress | None = None, cluster: Cluster | None = None
+) -> Table:
     """
     Render what is not finished yet, and measure.
 
@@ -42,6 +42,8 @@ def run_study(study: Study, path: Path, progress: Progress | None = None) -> Tab
         Folder of the results; made where it does not exist, gone on with where it holds this study.
     progress : callable, optional
         Called with units done, units in all, and what is being rendered.
+    cluster : callable, optional
+        What runs are rendered by, instead of this process.
 
     Returns
     -------
@@ -58,7 +60,7 @@ def run_study(study: Study, path: Path, progress: Progress | None = None) -> Tab
         read_reference(study)
     folder = StudyFolder(path, study)
     try:
-        render_missing(folder, progress or _silent)
+        render_missing(folder, progress or _silent, cluster)
         folder.claim()
         return measure(folder)
     finally:
@@ -99,7 +101,7 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
     )
 
 
-def render_missing(folder: StudyFolder, progress: Progress) -> None:
+def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | None = None) -> None:
     """Render the runs and batches that are not finished; safe to interrupt at any time."""
     study = folder.study
     todo = {size: _missing_runs(folder, size) for size in study.sizes}
@@ -113,7 +115,9 @@ def render_missing(folder: StudyFolder, progress: Progress) -> None:
     renderers = {size: _renderers(study, scene, size, missing) for size, missing in todo.items()}
     folder.claim()
     for size, missing in todo.items():
-        if missing:
+        if missing and cluster is not None:
+            _render_remotely(folder, cluster, size, missing, meter)
+        elif missing:
             _render_size(folder, renderers[size], size, missing, meter)
         if batches[size]:
             label = f"reference {size[0]}x{size[1]}"
@@ -171,50 +175,39 @@ def _render_size(
     meter: _Meter,
 ) -> None:
     study = folder.study
-    meter.say(f"{size[0]}x{size[1]}: compiling")
-    for renderer in renderers.values():
-        for frame in range(_REHEARSAL):
-            seed = seed_of(study.seed, REHEARSAL_KEY, frame)
-            renderer.frame_before_last(seed, _REHEARSAL - 1 - frame)
+    label = f"{size[0]}x{size[1]}"
+    meter.say(f"{label}: compiling")
+    rehearse(study, renderers)
     for index, names in missing.items():
-        runs = _render_runs(study, {name: renderers[name] for name in names}, index, meter, size)
-        for name, run in runs.items():
+        run_label = f"{label} run {index + 1}/{study.runs}"
+
+        def advance(name: str, run_label: str = run_label) -> None:
+            meter.advance(f"{run_label} {name}")
+
+        wanted = {name: renderers[name] for name in names}
+        for name, run in render_run(study, wanted, index, advance).items():
             folder.save_run(size, name, index, run)
 
 
-def _render_runs(
-    study: Study, renderers: dict[str, Renderer], index: int, meter: _Meter, size: Size
-) -> dict[str, Run]:
-    """Render one run of several variants, taking turns at every frame."""
-    for renderer in renderers.values():
-        renderer.reset()
-    images: dict[str, list[Image]] = {name: [] for name in renderers}
-    sums: dict[str, Any] = dict.fromkeys(renderers, 0.0)
-    times: dict[str, list[float]] = {name: [] for name in renderers}
-    names = list(renderers)
-    last = study.warmup + study.frames - 1
-    for frame in range(last + 1):
-        seed = seed_of(study.seed, RUN_KEY, index, frame)
-        # Whoever comes first changes with every frame: no variant profits from its place.
-        first = (index + frame) % len(names)
-        for name in names[first:] + names[:first]:
-            measured = frame >= study.warmup
-            if measured or renderers[name].has_history:
-                image, seconds = renderers[name].frame_before_last(seed, last - frame)
-            if measured:
-                times[name].append(seconds)
-                sums[name] = sums[name] + image.astype(np.float64)
-                images[name] = [*images[name], image] if study.keep == "all" else [image]
-            meter.advance(f"{size[0]}x{size[1]} run {index + 1}/{study.runs} {name}")
-    return {
-        name: Run(
-            images[name][-1],
-            (sums[name] / study.frames).astype(np.float32),
-            np.array(times[name]),
-            partial(np.stack, images[name]) if study.keep == "all" else None,
-        )
-        for name in names
-    }
+def _render_remotely(
+    folder: StudyFolder, cluster: Cluster, size: Size, missing: dict[int, list[str]], meter: _Meter
+) -> None:
+    """Have a cluster render the runs of a size; each is saved as it comes back."""
+    study = folder.study
+    tasks = [(to_table(study), size, index, names) for index, names in missing.items()]
+    for (_, _, index, names), arrays in cluster(remote_run, tasks):
+        for name in names:
+            part = arrays[name]
+            frames = part["frames"]
+            load = None if frames is None else partial(_same, frames)
+            run = Run(part["last"], part["mean"], part["times"], load)
+            folder.save_run(size, name, index, run)
+        for _ in range(len(names) * (study.warmup + study.frames)):
+            meter.advance(f"{size[0]}x{size[1]} run {index + 1}/{study.runs}")
+
+
+def _same(frames: Image) -> Image:
+    return frames
 
 
 class _Meter:

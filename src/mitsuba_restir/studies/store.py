@@ -23,7 +23,20 @@ from .results import Image, Run
 from .tables import to_table
 
 # These decide how much is rendered or what is measured, not what a finished run looks like.
-_FREE_KEYS = frozenset({"runs", "probe_runs", "quantities", "baseline", "epsilon", "trim"})
+# References have keys of their own.
+_FREE_KEYS = frozenset(
+    {
+        "runs",
+        "probe_runs",
+        "quantities",
+        "baseline",
+        "epsilon",
+        "trim",
+        "about",
+        "published",
+        "reference",
+    }
+)
 
 
 class StudyFolder:
@@ -218,8 +231,6 @@ def _rendering(study: Study) -> dict[str, Any]:
     table = {key: value for key, value in to_table(study).items() if key not in _FREE_KEYS}
     for variant in table["variants"].values():
         variant.pop("baseline", None)
-    # References have keys of their own: runs do not depend on them.
-    table.pop("reference", None)
     return table
 
 

@@ -71,6 +71,8 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
         trim=reader.number("trim", 0.001),
         freeze=reader.flag("freeze", True),
         mitsuba_variant=reader.text("mitsuba_variant", "llvm_ad_rgb"),
+        about=reader.text("about", ""),
+        published=_published(reader.table("published")) if "published" in table else {},
     )
     reader.finish()
     return study
@@ -102,6 +104,14 @@ def _view(reader: fields.Reader) -> View:
     )
     reader.finish()
     return view
+
+
+def _published(reader: fields.Reader) -> dict[str, dict[str, float]]:
+    return {
+        variant: {name: values.number(name) for name in values.keys()}
+        for variant in reader.keys()
+        for values in (reader.table(variant),)
+    }
 
 
 def _motion(reader: fields.Reader) -> Motion:

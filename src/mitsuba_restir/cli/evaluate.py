@@ -1,0 +1,123 @@
+"""``mitsuba-restir evaluate``: a whole study, and its report."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from ..studies import load_study, packaged_studies, run_study, write_report
+from ..studies.adapt import on_scene, quick, without
+from ..studies.config import Study
+from ..studies.dask_cluster import dask_cluster
+from ..studies.runner import Progress as Report
+from ..studies.store import StudyFolder
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "evaluate",
+        help="run a study and write its report",
+        description="Run a study, or go on with one that was interrupted, and write its report. "
+        f"Studies of the package: {', '.join(packaged_studies())}.",
+    )
+    parser.add_argument("study", metavar="STUDY", help="name of a study, or a TOML file")
+    parser.add_argument("-o", dest="output", metavar="FOLDER", help="folder for the results")
+    parser.add_argument(
+        "--scene", help="another scene: an XML file, or the name of an embedded one"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="small images and few runs: a look, not a measurement"
+    )
+    parser.add_argument(
+        "--without", action="append", default=[], metavar="VARIANT", help="leave a variant out"
+    )
+    parser.add_argument(
+        "-s",
+        dest="changes",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change a key of the study, as in runs=4 or variants.path.spp=2",
+    )
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="render the runs on the workers of a Dask scheduler"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the study; 0 when the report is written."""
+    study = _study(options)
+    folder = Path(options.output or _folder(options, study))
+    cluster = dask_cluster(options.dask) if options.dask else None
+    with _progress(study.name) as report:
+        table = run_study(study, folder, report, cluster)
+    for note in table.notes:
+        print(f"mitsuba-restir: {note}", file=sys.stderr)
+    # Without a terminal there is no width to keep to; 80 columns would break every number.
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    table.show(console, f"{study.name} ({folder})")
+    page = write_report(StudyFolder(folder, study), table, _command(options, folder))
+    print(f"Report: {page}")
+    return 0
+
+
+def _study(options: argparse.Namespace) -> Study:
+    study = load_study(options.study, options.changes)
+    if options.without:
+        study = without(study, options.without)
+    if options.scene:
+        study = on_scene(study, options.scene)
+    return quick(study) if options.quick else study
+
+
+def _folder(options: argparse.Namespace, study: Study) -> str:
+    parts = [study.name]
+    if options.scene:
+        path = Path(options.scene)
+        parts.append(path.parent.name if path.stem == "scene" else path.stem)
+    if options.quick:
+        parts.append("quick")
+    return "out/evaluate-" + "-".join(part for part in parts if part)
+
+
+def _command(options: argparse.Namespace, folder: Path) -> str:
+    words = ["mitsuba-restir", "evaluate", options.study, "-o", str(folder)]
+    if options.scene:
+        words += ["--scene", options.scene]
+    if options.quick:
+        words.append("--quick")
+    for option, values in (("--without", options.without), ("-s", options.changes)):
+        for value in values:
+            words += [option, value]
+    return shlex.join(words)
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Report]:
+    screen = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
+    with bar as progress:
+        task = progress.add_task(name, total=None)
+
+        def report(done: int, total: int, text: str) -> None:
+            progress.update(task, completed=done, total=total, description=text)
+
+        yield report
