@@ -1,0 +1,109 @@
+"""The transport identity: a sharper test of a shift than any image.
+
+Let x be a resampled path of pixel i with weight W, y = T(x) its shift to pixel j, and m the balance
+weight of "shifted from i" against "sampled in j". Then for every pair of pixels
+
+    E[ m(y) F_j(y) |J| W_x ]  =  E[ m(y') F_j(y') W_y' ],      y' a resampled path of pixel j itself,
+
+because both are the integral of m F_j over the paths that both pixels can make. Spatial reuse is
+built on this identity, and averages its errors over random neighbours, which hides most of them:
+what is lost to the right is gained from the left. Here every pixel looks at the neighbour at one
+fixed offset, and nothing cancels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_restir.analysis.bias import BiasReport
+from mitsuba_restir.paths.primary_hit import PrimaryHit
+from mitsuba_restir.paths.spectrum import target
+from mitsuba_restir.paths.vertex import exists
+from mitsuba_restir.resampling.reservoir import Reservoir
+from mitsuba_restir.shifts import hybrid
+
+from .modes import Mode
+from .references import Case
+from .runs import bias_report, integrator
+
+
+def candidates(
+    max_depth: int, scene: mi.Scene, spp: int = 1, **parameters: Any
+) -> Iterator[tuple[Any, Reservoir, PrimaryHit]]:
+    """Fresh reservoirs and primary hits of one frame after the other, for ever."""
+    mode = Mode({"temporal": False, "spatial": False, **parameters})
+    renderer = integrator(max_depth, mode)
+    seed = 0
+    while True:
+        renderer.render(scene, seed=seed, spp=spp)
+        yield renderer._plan.mapping, renderer._history.reservoirs, renderer._history.hits
+        seed += 1
+
+
+def neighbour(scene: mi.Scene, offset: tuple[int, int]) -> tuple[Any, Any]:
+    """Index of the pixel at a fixed offset (columns, rows) from each pixel, and whether it exists."""
+    width, height = scene.sensors()[0].film().crop_size()
+    pixel = dr.arange(mi.UInt32, width * height)
+    x = mi.Int32(pixel % width) + offset[0]
+    y = mi.Int32(pixel // width) + offset[1]
+    inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    return dr.select(inside, mi.UInt32(y * width + x), 0), inside
+
+
+def transport_errors(
+    scene: mi.Scene, max_depth: int, offset: tuple[int, int], **parameters: Any
+) -> Iterator[np.ndarray]:
+    """Left minus right of the identity in every pixel, (H, W, 3), for one frame after the other."""
+    width, height = scene.sensors()[0].film().crop_size()
+    other, inside = neighbour(scene, offset)
+    recorded = None
+    for mapping, reservoirs, hits in candidates(max_depth, scene, **parameters):
+        if recorded is None:
+            recorded = dr.freeze(_errors(mapping))
+        d = recorded(scene, scene.sensors()[0], reservoirs, hits, other, inside)
+        yield np.array(d).T.reshape(height, width, 3).astype(np.float64)
+
+
+def _errors(mapping: Any) -> Any:
+    def errors(
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        reservoirs: Reservoir,
+        hits: PrimaryHit,
+        other: Any,
+        inside: Any,
+    ) -> Any:
+        sensor = sensor if mi.is_spectral else None
+        near = dr.gather(PrimaryHit, hits, other, inside)
+        theirs = dr.gather(Reservoir, reservoirs, other, inside)
+        valid = inside & exists(hits.vertex) & exists(near.vertex)
+        forward = hybrid.shift(
+            scene, sensor, theirs.path, hits, mapping, valid & (theirs.weight > 0)
+        )
+        backward = hybrid.shift(
+            scene, sensor, reservoirs.path, near, mapping, valid & (reservoirs.weight > 0)
+        )
+        shifted = target(theirs.color) / forward.jacobian
+        left_share = shifted / (shifted + target(forward.color))
+        back = target(backward.color) * backward.jacobian
+        right_share = back / (back + target(reservoirs.color))
+        left = forward.color * (forward.jacobian * theirs.weight * left_share)
+        right = reservoirs.color * (reservoirs.weight * right_share)
+        left = dr.select(valid & (target(forward.color) > 0) & (theirs.weight > 0), left, 0)
+        right = dr.select(valid & (back > 0) & (reservoirs.weight > 0), right, 0)
+        return left - right
+
+    return errors
+
+
+def transport_report(
+    case: Case, offset: tuple[int, int], runs: int, reference: np.ndarray, **parameters: Any
+) -> BiasReport:
+    """Test that the errors vanish; they are added to the reference, so that powers are relative."""
+    errors = transport_errors(case.load(), case.max_depth, offset, **parameters)
+    return bias_report((reference + error for error in errors), runs, reference)

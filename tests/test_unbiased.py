@@ -1,0 +1,150 @@
+"""Every mode converges to the image of Mitsuba's ``path``, on the zoo and on a room."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import pytest
+from support import references, rooms
+from support.modes import MODES, Mode
+from support.runs import assert_unbiased, bias_report, independent_runs, integrator
+
+# Runs of one test, and the relative error of the image that is found with probability 0.99.
+ZOO = {
+    "bsdfs": (128, 0.02),
+    "emitters": (128, 0.02),
+    "envmap": (128, 0.02),
+    "sunsky": (128, 0.02),
+    "shapes": (128, 0.02),
+    "glossy_shapes": (128, 0.02),
+}
+ROOM = (256, 0.02)
+
+
+def check(
+    name: str,
+    mode: str | Mode,
+    runs: int,
+    power: float,
+    before_frame: Any = None,
+    scene: mi.Scene | None = None,
+    **parameters: Any,
+) -> None:
+    case = references.CASES[name]
+    chosen = MODES[mode] if isinstance(mode, str) else mode
+    scene = scene or case.load()
+    renderer = integrator(case.max_depth, chosen, hide_emitters=case.hide_emitters, **parameters)
+    report = bias_report(
+        independent_runs(renderer, scene, chosen, before_frame), runs, *references.load(name)
+    )
+    assert_unbiased(report, f"{name}-{mode if isinstance(mode, str) else 'edited'}", power)
+
+
+@pytest.mark.parametrize("mode", ["candidates_4", "both", "both_distance"])
+@pytest.mark.parametrize("name", ZOO)
+def test_zoo(rgb, name, mode):
+    check(name, mode, *ZOO[name])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_room(rgb, mode):
+    check("room", mode, *ROOM)
+
+
+@pytest.mark.parametrize("mode", ["candidates_4", "spatial_1", "both"])
+@pytest.mark.parametrize("name", ["room_depth_2", "room_unlimited", "room_visible", "room_hidden", "room_lens"])
+def test_room_limits(rgb, name, mode):
+    check(name, mode, *ROOM)
+
+
+@pytest.mark.parametrize("mode", ["candidates_4", "spatial_3", "temporal", "both", "both_distance"])
+def test_grooves(rgb, mode):
+    """Vertices close together and roughness near the threshold: invertibility matters."""
+    check("grooves", mode, *ROOM)
+
+
+@pytest.mark.parametrize("mode", ["candidates_4", "both"])
+def test_spectral(spectral, mode):
+    check("room_spectral", mode, *ROOM)
+
+
+@pytest.mark.parametrize("mode", ["candidates_4", "both"])
+def test_mono(mono, mode):
+    check("room_mono", mode, *ROOM)
+
+
+def moving_camera(scene: mi.Scene, frames: int) -> Any:
+    """The camera comes to rest, in the last frame, where the reference's camera is."""
+    sensor = scene.sensors()[0]
+    parameters = mi.traverse(sensor)
+    origin, target = rooms.CAMERA
+
+    def before_frame(t: int) -> None:
+        away = frames - 1 - t
+        parameters["to_world"] = mi.Transform4f(
+            rooms.look(
+                [origin[0] + 0.06 * away, origin[1] + 0.03 * away, origin[2] + 0.02 * away],
+                [target[0] - 0.02 * away, target[1], target[2]],
+            )
+        )
+        parameters.update()
+
+    return before_frame
+
+
+@pytest.mark.parametrize("mode", ["temporal", "both", "both_distance"])
+@pytest.mark.parametrize("name", ["room", "room_lens", "grooves"])
+def test_moving_camera(rgb, name, mode):
+    scene = references.CASES[name].load()
+    frames = MODES[mode].frames
+    check(name, mode, *ROOM, moving_camera(scene, frames), scene)
+
+
+def edited(scene: mi.Scene, key: str, values: list[Any]) -> Any:
+    """Parameter ``key`` has ``values[t]`` in frame t."""
+    parameters = mi.traverse(scene)
+
+    def before_frame(t: int) -> None:
+        parameters[key] = type(parameters[key])(values[t])
+        parameters.update()
+
+    return before_frame
+
+
+RETRACING = {
+    "temporal": Mode({"spatial": False, "retrace_history": True}, frames=3),
+    "both": Mode({"spatial_radius": 6.0, "retrace_history": True}, frames=3),
+    "both_distance": Mode(
+        {
+            "spatial_radius": 6.0,
+            "retrace_history": True,
+            "connectability": "distance_roughness",
+        },
+        frames=3,
+    ),
+}
+
+
+@pytest.mark.parametrize("mode", RETRACING)
+def test_light_switches_off(rgb, mode):
+    scene = references.CASES["room"].load()
+    key = "light.emitter.radiance.value"
+    edit = edited(scene, key, [mi.Color3f(6, 5, 3.5), mi.Color3f(6, 5, 3.5), mi.Color3f(0)])
+    check("room_lamp_off", RETRACING[mode], *ROOM, edit, scene)
+
+
+@pytest.mark.parametrize("mode", RETRACING)
+def test_light_moves(rgb, mode):
+    """Where no surface becomes lit that was dark before; see ``passes/retrace.py`` for the rest."""
+    scene = references.CASES["open_room_moved"].load()
+    places = [[0.3, 1.3, 0.2], [0.1, 1.2, 0.3], references.LAMP_MOVED]
+    check("open_room_moved", RETRACING[mode], *ROOM, edited(scene, "lamp.position", places), scene)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", ["room", "grooves", *ZOO])
+def test_long(rgb, name, mode):
+    """The same at 16 times the samples."""
+    check(name, mode, 2048, 0.01)
