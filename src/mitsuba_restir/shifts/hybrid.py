@@ -173,10 +173,14 @@ def _finish(
     outcome = dr.select(occluded, OCCLUDED, outcome)
 
     factor = _jacobian_factor(kind, pair, pdf_k)
+    # A pdf may underflow. Both directions are refused alike, so nothing is lost on one side only.
+    jacobian = factor / path.jacobian
+    sound = (jacobian > 1e-30) & (jacobian < 1e30)
+    outcome = dr.select((outcome == OK) & ~sound, UNCONNECTABLE, outcome)
     defined = outcome == OK
     return Shifted(
         dr.select(defined, color, 0),
-        dr.select(defined, factor / path.jacobian, 1),
+        dr.select(defined, jacobian, 1),
         factor,
         outcome,
     )
