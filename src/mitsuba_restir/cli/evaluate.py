@@ -6,7 +6,7 @@ import argparse
 import shlex
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +58,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the study; 0 when the report is written."""
     study = _study(options)
     folder = Path(options.output or _folder(options, study))
-    cluster = dask_cluster(options.dask) if options.dask else None
-    with _progress(study.name) as report:
+    runs_on = dask_cluster(options.dask) if options.dask else nullcontext()
+    with runs_on as cluster, _progress(study.name) as report:
         table = run_study(study, folder, report, cluster)
     for note in table.notes:
         print(f"mitsuba-restir: {note}", file=sys.stderr)

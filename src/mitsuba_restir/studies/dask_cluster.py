@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from ..errors import RenderError, UsageError, one_line
 from .runner import Cluster
 
 
-def dask_cluster(address: str) -> Cluster:
+@contextmanager
+def dask_cluster(address: str) -> Iterator[Cluster]:
     """
-    Connect to a Dask scheduler.
+    Connect to a Dask scheduler for the time of a context.
 
     Parameters
     ----------
@@ -43,4 +45,5 @@ def dask_cluster(address: str) -> Cluster:
             except Exception as error:
                 raise RenderError(f"a worker failed: {one_line(error)}") from error
 
-    return cluster
+    with client:
+        yield cluster

@@ -86,6 +86,8 @@ def convergence(curves: dict[str, Curve], over: str) -> Figure:
             axes.fill_between(x, low, mean + error, color=colour, alpha=0.15, linewidth=0)
     label = "frames" if over == "frames" else "rendering time [s]"
     axes.set(xscale="log", yscale="log", xlabel=label, ylabel="relMSE, trimmed")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("" if over == "frames" else "{x:.2g}")
     axes.legend(frameon=False, fontsize=8)
     return figure
 

@@ -84,7 +84,8 @@ def _cell(row: Row | None, less_is_better: bool, published: float | None) -> Cel
     ratio, verdict = "", ""
     if row.ratio is not None:
         ratio = percent(row.ratio)
-        if row.ratio.high < 1.0 or row.ratio.low > 1.0:
+        # A negative covariance makes a ratio that says nothing.
+        if row.ratio.low > 0.0 and (row.ratio.high < 1.0 or row.ratio.low > 1.0):
             verdict = "better" if (row.ratio.high < 1.0) == less_is_better else "worse"
     elif not less_is_better and (row.value.high < 1.0 or row.value.low > 1.0):
         verdict = "better" if row.value.low > 1.0 else "worse"

@@ -23,6 +23,8 @@ class Part:
     ------
     size : str
     headline : Headline
+    baseline : str
+        The variant that the comparison starts with.
     galleries : sequence of Gallery
     figures : mapping of str to str
         Drawings as SVG, by caption.
@@ -30,6 +32,7 @@ class Part:
 
     size: str
     headline: Headline
+    baseline: str = ""
     galleries: Sequence[Gallery] = ()
     figures: Mapping[str, str] = field(default_factory=dict)
 
@@ -95,7 +98,7 @@ def page(content: Content) -> str:
 def _part(part: Part) -> str:
     """Pictures are embedded once, in their galleries; the comparison and the crops reuse them."""
     images = next((g for g in part.galleries if g.key == "images"), None)
-    compare = _compare(images) if images and len(images.pictures) > 1 else ""
+    compare = _compare(images, part.baseline) if images and len(images.pictures) > 1 else ""
     galleries = "".join(_gallery(gallery) for gallery in part.galleries)
     figures = "".join(
         f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
@@ -133,9 +136,10 @@ def _headline(table: Headline) -> str:
     )
 
 
-def _compare(images: Gallery) -> str:
+def _compare(images: Gallery, baseline: str) -> str:
     names = list(images.pictures)
-    left, right = names[0], "reference" if "reference" in names else names[-1]
+    left = baseline if baseline in names else names[0]
+    right = "reference" if "reference" in names else names[-1]
 
     def choice(which: str, chosen: str) -> str:
         options = "".join(

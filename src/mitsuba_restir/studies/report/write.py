@@ -73,7 +73,7 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
             notes.append(f"There are no figures: {error}")
         _write_pictures(folder, data.size, shown)
         top = headline(table.rows, data.size, folder.study.published)
-        parts.append(Part(data.size, top, shown, drawings))
+        parts.append(Part(data.size, top, data.baseline, shown, drawings))
     if lines:
         text = io.StringIO()
         writer = csv.DictWriter(text, lines[0], lineterminator="\n")

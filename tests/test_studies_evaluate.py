@@ -1,0 +1,194 @@
+"""`mitsuba-restir evaluate`, studies changed as a whole, and runs on a cluster."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mitsuba_restir.cli import evaluate
+from mitsuba_restir.cli.arguments import OneLineParser
+from mitsuba_restir.errors import RenderError, UsageError
+from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study
+from mitsuba_restir.studies.adapt import on_scene, quick, without
+
+READY = ("thesis", "decorrelation", "blue_noise", "shifts", "convergence", "moving_camera")
+
+REAL = """
+name = "real"
+scene = "cornell"
+sizes = ["16x12"]
+max_depth = 3
+frames = 2
+warmup = 1
+runs = 4
+quantities = ["relmse", "time"]
+
+[reference]
+spp = 256
+batches = 4
+
+[variants.path]
+type = "path"
+
+[variants.restir]
+type = "restir_pt"
+"""
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    path = tmp_path / "real.toml"
+    path.write_text(REAL)
+    return str(path)
+
+
+def _evaluate(*arguments: str) -> int:
+    parser = OneLineParser(prog="mitsuba-restir")
+    evaluate.add_command(parser.add_subparsers())
+    options = parser.parse_args(["evaluate", *arguments])
+    return int(options.run(options))
+
+
+def _numbers(path: Path) -> list[str]:
+    lines = (path / "results.csv").read_text().splitlines()
+    return [line for line in lines if "time" not in line]
+
+
+@pytest.mark.parametrize("name", READY)
+def test_ready_made_studies_are_there(name: str) -> None:
+    assert name in packaged_studies()
+    study = load_study(name)
+    assert study.about
+    small = quick(on_scene(study, "cornell"))
+    assert small.scene == "cornell"
+    assert small.view is None
+    assert not small.published
+    assert all(width * height <= 15000 for width, height in small.sizes)
+    assert (small.reference is None) == (study.reference is None)
+    assert small.runs * (small.frames + small.warmup) <= 4 * 14
+
+
+def test_variants_can_be_left_out() -> None:
+    study = without(load_study("thesis"), ["spatiotemporal", "path"])
+    assert "path" not in study.variants
+    # Who was compared with one that is gone is compared with the study's baseline.
+    assert study.baseline_of("mutations_5") == study.baseline == "path_without_light_sampling"
+    with pytest.raises(UsageError, match="no variant 'pth' to leave out: there are path"):
+        without(load_study("core_time"), ["pth"])
+    with pytest.raises(UsageError, match="no variant is left"):
+        without(load_study("core_memory"), ["path", "frame"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing"], "neither a file nor a study of the package"),
+        (["thesis", "--scene", "nowhere"], "neither a file nor an embedded scene"),
+        (["shifts", "-s", "quantities=['rsme']"], "unknown quantity 'rsme'"),
+        (["shifts", "-s", "variants.hybrid.shfit='hybrid'"], "variant 'hybrid'.*shfit"),
+        (["shifts", "--quick", "--without", "x"], "no variant 'x'"),
+        (["shifts", "-s", "reference.file='nowhere.exr'", "-s", "reference.spp=0"], "nowhere.exr"),
+    ],
+)
+def test_wrong_use_is_one_line(
+    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MITSUBA_RESTIR_SCENES", str(tmp_path))
+    with pytest.raises(UsageError, match=message) as found:
+        _evaluate(*arguments)
+    assert "\n" not in str(found.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_read_only_output_is_one_line(file: str, tmp_path: Path) -> None:
+    folder = tmp_path / "sealed"
+    folder.mkdir(mode=0o555)
+    if os.access(folder, os.W_OK):
+        # Root writes everywhere, but not into what the kernel shows.
+        folder = Path("/proc/sys/kernel")
+        if not folder.is_dir():
+            pytest.skip("no folder here refuses root")
+    with pytest.raises((UsageError, RenderError), match=r"cannot (make|write)"):
+        run_study(load_study(file), folder / "out")
+
+
+@pytest.mark.slow
+def test_a_study_ends_in_a_report(
+    file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "out"
+    assert _evaluate(file, "-o", str(out), "--quick", "-s", "max_depth=4") == 0
+    page = (out / "report.html").read_text("utf-8")
+    assert f"mitsuba-restir evaluate {file} -o {out} --quick -s max_depth=4" in page
+    assert f"Report: {out / 'report.html'}" in capsys.readouterr().out
+
+
+KILLER = """
+import os, signal, sys
+from pathlib import Path
+from mitsuba_restir.studies import load_study, run_study
+
+def kill(done, total, text):
+    if done == int(sys.argv[3]):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+run_study(load_study(sys.argv[1]), Path(sys.argv[2]), kill)
+"""
+
+
+@pytest.mark.slow
+def test_killed_three_times_and_gone_on_with(file: str, tmp_path: Path) -> None:
+    study = load_study(file)
+    out = tmp_path / "killed"
+    finished: dict[Path, int] = {}
+    for moment in (8, 3, 11):
+        command = [sys.executable, "-c", KILLER, file, str(out), str(moment)]
+        assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+        now = {f: f.stat().st_mtime_ns for f in out.rglob("*.npz")}
+        # No finished run is rendered again.
+        assert {f: now[f] for f in finished} == finished
+        finished = now
+    assert finished
+    run_study(study, out)
+    run_study(study, tmp_path / "whole")
+    assert _numbers(out) == _numbers(tmp_path / "whole")
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_numbers(file: str, tmp_path: Path) -> None:
+    distributed: Any = pytest.importorskip(
+        "distributed", reason="the cluster test needs Dask: pip install 'dask[distributed]'"
+    )
+    from mitsuba_restir.studies.dask_cluster import dask_cluster
+
+    study = load_study(file)
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as local,
+        dask_cluster(local.scheduler_address) as cluster,
+    ):
+        run_study(study, tmp_path / "cluster", cluster=cluster)
+    run_study(study, tmp_path / "here")
+    assert _numbers(tmp_path / "cluster") == _numbers(tmp_path / "here")
+
+
+def test_a_cluster_that_does_not_answer_is_one_line() -> None:
+    pytest.importorskip("distributed")
+    from mitsuba_restir.studies import dask_cluster as module
+
+    with pytest.raises(UsageError, match="no scheduler answers"), module.dask_cluster("nowhere"):
+        pass
