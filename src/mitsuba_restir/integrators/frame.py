@@ -9,6 +9,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..passes.decorrelate import Mutated, decorrelate, metropolis_hastings
 from ..passes.initial import initial
 from ..passes.primary import Primary
 from ..passes.reproject import reproject
@@ -39,7 +40,8 @@ class Frame:
 
     Fields: ``color`` (``Color3f``), ``alpha`` (``Float``), ``auxiliary`` (list of ``Float``),
     ``outcomes`` (list of ``UInt32``: shift outcomes of each reuse pass, 3 bits a shift), ``matched``
-    (``Bool``: pixels that found their history), ``history`` (:class:`History`).
+    (``Bool``: pixels that found their history), ``mutated`` (:class:`Mutated`, if there were
+    mutations), ``history`` (:class:`History`).
     """
 
     color: Any
@@ -47,6 +49,7 @@ class Frame:
     auxiliary: list[Any]
     outcomes: list[Any]
     matched: Any
+    mutated: Mutated | None
     history: History
 
 
@@ -70,11 +73,14 @@ class Plan:
     height: int
 
 
-def no_history(pixels: int) -> History:
-    """A history without paths, with the structure that later frames have."""
+def no_history(pixels: int, continued: bool) -> History:
+    """A history without paths, with the structure that later frames have.
+
+    ``continued``: whether its paths carry the continuation that mutations need.
+    """
     index = dr.zeros(mi.UInt32, pixels)
     history = History(
-        dr.gather(Reservoir, empty_reservoir(), index),
+        dr.gather(Reservoir, empty_reservoir(continued), index),
         dr.gather(PrimaryHit, no_primary_hit(), index),
     )
     dr.make_opaque(history)
@@ -136,7 +142,7 @@ def render_frame(
     parameters, mapping = plan.parameters, plan.mapping
     size = (dr.opaque(mi.UInt32, plan.width), dr.opaque(mi.UInt32, plan.height))
     reservoirs = initial(
-        scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping
+        scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping, parameters.mutations > 0
     )
     dr.eval(reservoirs)
 
@@ -167,6 +173,22 @@ def render_frame(
         outcomes.append(outcome)
         dr.eval(reservoirs, outcome, matched, flow)
 
+    mutated = None
+    if parameters.mutations > 0:
+        reservoirs, mutated = decorrelate(
+            scene,
+            sensor,
+            reservoirs,
+            now.hit,
+            parameters.mutations,
+            parameters.mutation_step,
+            sample,
+            seed,
+            mapping,
+            metropolis_hastings,
+        )
+        dr.eval(reservoirs, mutated)
+
     color = reservoir_color(reservoirs)
     for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
         round_number = dr.opaque(mi.UInt32, round_index)
@@ -194,5 +216,5 @@ def render_frame(
     )
     dr.eval(color, extra)
     return Frame(
-        color, now.alpha, extra, outcomes, matched, History(reservoirs, now.hit)
+        color, now.alpha, extra, outcomes, matched, mutated, History(reservoirs, now.hit)
     )

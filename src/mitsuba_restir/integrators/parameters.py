@@ -10,6 +10,10 @@ from ..passes.shade import AOV_CHANNELS
 from ..paths.record import MAX_EDGES
 
 
+MUTATION_STEP = 0.05
+"""Default width of a mutation in primary sample space."""
+
+
 @dataclass(frozen=True)
 class Parameters:
     """Checked parameters; the meaning of each is in the plugin's reference page."""
@@ -26,6 +30,8 @@ class Parameters:
     shift: str
     connectability: str
     retrace_history: bool
+    mutations: int
+    mutation_step: float
     aovs: tuple[tuple[str, str], ...]
 
 
@@ -38,7 +44,6 @@ _CHOICES = {
 
 _LATER: dict[str, Any] = {
     "neighbor_sampling": "random",
-    "mutations": 0,
     "blue_noise": "none",
     "blue_noise_seeds": False,
 }
@@ -67,9 +72,10 @@ def read_parameters(props: Any) -> Parameters:
         shift=_choice(props, "shift", "hybrid"),
         connectability=_choice(props, "connectability", "footprint"),
         retrace_history=_boolean(props, "retrace_history", False),
+        mutations=_integer(props, "mutations", 0, 0, 1000),
+        mutation_step=_number(props, "mutation_step", MUTATION_STEP, 1e-4, 1.0),
         aovs=_aovs(props.get("aovs", "")),
     )
-    _number(props, "mutation_step", 0.0, 0.0, math.inf)
     _number(props, "blue_noise_weight", 0.5, 0.0, 1.0)
     for name, allowed in _LATER.items():
         value = _choice(props, name, allowed) if name in _CHOICES else props.get(name, allowed)

@@ -11,6 +11,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..passes.decorrelate import Mutated
 from ..passes.primary import primary
 from ..passes.shade import AOV_CHANNELS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
@@ -18,6 +19,7 @@ from ..paths.settings import PathLimits
 from ..sampling.pairing import pairing_tile
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import OUTCOMES, shift_mapping
+from ..shifts.pivot import CLASSES
 from .border import check_scene, check_sensor, check_variant
 from .frame import Frame, History, Plan, frame_renderer, no_history
 from .parameters import read_parameters
@@ -81,6 +83,15 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
        - |bool|
        - Trace the history's paths again in the current scene before they are reused. Needed where
          the scene changes between frames and :py:meth:`reset` is not called. (Default: |false|)
+
+     * - mutations
+       - |int|
+       - Metropolis-Hastings mutations per pixel and frame, between temporal and spatial reuse
+         (Sawhney et al. 2024). They decorrelate the pixels at no bias. (Default: 0)
+
+     * - mutation_step
+       - |float|
+       - Standard deviation of a mutation in primary sample space. (Default: 0.05)
 
      * - aovs
        - |string|
@@ -208,7 +219,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         dict
             ``matched``: share of pixels that found their history. One entry per reuse pass
             (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
-            something to shift.
+            something to shift. ``mutations``: per class of path, its share of the pixels, the
+            acceptance rate and the mean accepted change of direction [rad].
         """
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
@@ -218,7 +230,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             name: _outcome_shares(packed, 2 if name == "temporal" else 1)
             for name, packed in zip(passes, self._frame.outcomes, strict=True)
         }
-        return {"matched": float(dr.mean(mi.Float(self._frame.matched))[0]), **shares}
+        statistics = {"matched": float(dr.mean(mi.Float(self._frame.matched))[0]), **shares}
+        if self._frame.mutated is not None:
+            statistics["mutations"] = _mutation_shares(
+                self._frame.mutated, self.parameters.mutations
+            )
+        return statistics
 
     def to_string(self) -> str:
         return f"ReSTIRPTIntegrator[{self.parameters}]"
@@ -233,7 +250,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         if scene is not self._scene or shape != self._shape:
             self._plan_frames(scene, sensor, shape)
         if self._history is None:
-            self._history = no_history(width * height)
+            self._history = no_history(width * height, self.parameters.mutations > 0)
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
     def _plan_frames(
@@ -302,6 +319,22 @@ def _outcome_shares(packed: Any, shifts: int) -> dict[str, float]:
     ]
     tried = max(sum(counts) - counts[1], 1)
     return {name: n / tried for name, n in zip(OUTCOMES, counts, strict=True) if name != "empty"}
+
+
+def _mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, float]]:
+    """Share, acceptance rate and mean accepted step of every class of path."""
+    kind, accepted = mutated.kind.numpy(), mutated.accepted.numpy()
+    angle = mutated.angle.numpy()
+    shares = {}
+    for index, name in enumerate(CLASSES):
+        inside = kind == index
+        steps = max(int(accepted[inside].sum()), 1)
+        shares[name] = {
+            "share": float(inside.mean()),
+            "acceptance": float(accepted[inside].mean() / mutations) if inside.any() else 0.0,
+            "angle": float(angle[inside].sum() / steps),
+        }
+    return shares
 
 
 mi.register_integrator("restir_pt", ReSTIRPTIntegrator)

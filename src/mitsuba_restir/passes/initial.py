@@ -7,7 +7,7 @@ that replays need not repeat it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -15,12 +15,15 @@ import mitsuba as mi
 
 from ..paths import record as kinds
 from ..paths.primary_hit import PrimaryHit
-from ..paths.record import PathRecord, pack_info
+from ..paths.record import Absent, Continuation, PathRecord, pack_info
 from ..paths.scattering import (
+    LightSample,
+    Scattered,
     balance,
     can_connect,
     emission,
     evaluate,
+    light_numbers,
     nee_weight,
     sample_light,
     scatter,
@@ -29,7 +32,7 @@ from ..paths.settings import PathLimits
 from ..paths.spectrum import response, target, wavelengths
 from ..paths.vertex import Vertex, compact, exists, no_vertex
 from ..resampling.reservoir import Reservoir, empty_reservoir, finalize, offer
-from ..sampling.streams import INITIAL, Stream, pass_stream, path_stream, uniform2
+from ..sampling.streams import INITIAL, Stream, pass_stream, path_stream, uniform
 from ..shifts.connectability import Departure, Link, depart_scattered, link
 from ..shifts.mapping import ShiftMapping
 from ..shifts.replay import at_primary
@@ -40,13 +43,29 @@ class Anchor:
     """The reconnection vertex that a growing path has found, if ``k`` is not 0.
 
     Fields: ``k``, ``vertex`` (x_k), ``wo`` (direction leaving it), ``jacobian`` (p_{k-1} G p_k),
-    ``suffix`` (``Spectrum``, throughput of the bounces after x_k's own).
+    ``suffix`` (``Spectrum``, throughput of the bounces after x_k's own), ``next`` (:class:`Follower`
+    or :class:`Absent` where records need no continuation).
     """
 
     k: Any
     vertex: Vertex
     wo: Any
     jacobian: Any
+    suffix: Any
+    next: Follower | Absent
+
+
+@dataclass
+class Follower:
+    """The vertex after the reconnection vertex.
+
+    Fields: ``vertex`` (x_{k+1}), ``wo`` (direction leaving it), ``delta`` (by a delta lobe),
+    ``suffix`` (``Spectrum``, throughput of the bounces after x_{k+1}'s own).
+    """
+
+    vertex: Vertex
+    wo: Any
+    delta: Any
     suffix: Any
 
 
@@ -69,6 +88,7 @@ def initial(
     spp: Any,
     limits: PathLimits,
     mapping: ShiftMapping,
+    continued: bool,
 ) -> Reservoir:
     """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
 
@@ -78,9 +98,11 @@ def initial(
         Primary hits, one lane per pixel.
     sample, seed, spp : UInt32
         Running number of the frame's first sample, the user's seed, number of trees (opaque).
+    continued : bool
+        Whether records carry the continuation that mutations need.
     """
     pixel = dr.arange(mi.UInt32, dr.width(hit.vertex.p))
-    reservoir = _trees(scene, sensor, hit, pixel, sample, seed, spp, limits, mapping)
+    reservoir = _trees(scene, sensor, hit, pixel, sample, seed, spp, limits, mapping, continued)
     reservoir = finalize(reservoir, mi.Float(spp))
     reservoir.confidence = mi.Float(spp) + dr.zeros(mi.Float, dr.width(pixel))
     return reservoir
@@ -97,8 +119,9 @@ def _trees(
     spp: Any,
     limits: PathLimits,
     mapping: ShiftMapping,
+    continued: bool,
 ) -> Reservoir:
-    reservoir = empty_reservoir()
+    reservoir = empty_reservoir(continued)
     tree = mi.UInt32(0)
     while dr.hint(tree < spp, exclude=[limits, mapping], label="Path trees"):
         reservoir = _tree(
@@ -137,7 +160,12 @@ def _tree(
     survival = mi.Float(1)  # probability of having survived roulette
     eta = mi.Float(1)  # index of refraction relative to the camera
     anchor = Anchor(
-        mi.UInt32(0), no_vertex(), dr.zeros(mi.Vector3f), mi.Float(1), mi.Spectrum(1)
+        mi.UInt32(0),
+        no_vertex(),
+        dr.zeros(mi.Vector3f),
+        mi.Float(1),
+        mi.Spectrum(1),
+        Absent() if isinstance(reservoir.path.next, Absent) else _no_follower(),
     )
 
     while dr.hint(active, exclude=[limits, mapping, criterion], label="Initial candidates"):
@@ -146,7 +174,6 @@ def _tree(
         limit = criterion.vertex_limit(si, bsdf, active & si.is_valid())
         arrival = link(criterion, start, si, limit, j, mapping.last_index, hit.footprint)
         here = compact(pi, si.p)
-        u_hit, u_nee = uniform2(choices, j, 0)
 
         # -------------------------- light found by the last bounce ------------------------------
 
@@ -157,36 +184,35 @@ def _tree(
             name, anchor, arrival, here, si.is_valid(), ray.d, radiance, light_pdf, start, j
         )
         color = response(throughput * radiance * balance(start.pdf, light_pdf), lambdas)
-        reservoir = offer(reservoir, path, color, target(color) / survival, u_hit, arrived)
+        u = uniform(choices, j, 0)
+        reservoir = offer(reservoir, path, color, target(color) / survival, u, arrived)
 
         # -------------------------- light sampled from this vertex ------------------------------
 
         active &= si.is_valid() & (j < limits.max_depth)
         lit = active & can_connect(bsdf)
-        light = sample_light(scene, si, name.stream, j, True, lit)
+        numbers = light_numbers(name.stream, j)
+        light = sample_light(scene, si, numbers, True, lit)
         value, pdf = evaluate(si, bsdf, light.d, light.valid)
         light_pdf = dr.select(light.delta, 0, light.pdf)
         mis = nee_weight(light_pdf, pdf)
         path = _nee_record(
-            name, anchor, arrival, here, light.d, pdf, value * mis, light.weight, light_pdf, j
+            name, anchor, arrival, here, light, numbers, pdf, value * mis, light_pdf, j
         )
         color = response(throughput * value * light.weight * mis, lambdas)
-        reservoir = offer(reservoir, path, color, target(color) / survival, u_nee, light.valid)
+        u = uniform(choices, j, 1)
+        reservoir = offer(reservoir, path, color, target(color) / survival, u, light.valid)
 
         # -------------------------- next bounce -------------------------------------------------
 
         bounce = scatter(si, bsdf, name.stream, j, active)
-        becomes = (anchor.k == 0) & ~bounce.delta & (bounce.pdf <= arrival.limit)
+        free = ~bounce.delta & (bounce.pdf <= arrival.limit)
         anchor = dr.select(
-            becomes,
-            Anchor(j, here, bounce.wo, arrival.jacobian * bounce.pdf, mi.Spectrum(1)),
+            (anchor.k == 0) & free,
             Anchor(
-                anchor.k,
-                anchor.vertex,
-                anchor.wo,
-                anchor.jacobian,
-                dr.select(anchor.k != 0, anchor.suffix * bounce.weight, 1),
+                j, here, bounce.wo, arrival.jacobian * bounce.pdf, mi.Spectrum(1), anchor.next
             ),
+            _extend(anchor, here, bounce, j),
         )
         throughput *= bounce.weight
         eta *= bounce.eta
@@ -203,6 +229,24 @@ def _tree(
         j += 1
 
     return reservoir
+
+
+def _no_follower() -> Follower:
+    return Follower(no_vertex(), dr.zeros(mi.Vector3f), mi.Bool(False), mi.Spectrum(1))
+
+
+def _extend(anchor: Anchor, here: Vertex, bounce: Scattered, j: Any) -> Anchor:
+    """The anchor after one more bounce, from the vertex ``here`` with index ``j``."""
+    anchored = anchor.k != 0
+    follower = anchor.next
+    if isinstance(follower, Follower):
+        follower = dr.select(
+            anchored & (anchor.k + 1 == j),
+            Follower(here, bounce.wo, bounce.delta, mi.Spectrum(1)),
+            replace(follower, suffix=follower.suffix * bounce.weight),
+        )
+    suffix = dr.select(anchored, anchor.suffix * bounce.weight, 1)
+    return replace(anchor, suffix=suffix, next=follower)
 
 
 def _hit_record(
@@ -231,16 +275,31 @@ def _hit_record(
             kinds.REPLAY_HIT,
         ),
     )
+    next_kind = mi.UInt32(kinds.EMPTY)
+    continuation: Continuation | Absent = Absent()
+    if isinstance(anchor.next, Follower):
+        second = anchor.k + 2 == j
+        found = dr.select(second, mi.UInt32(kinds.HIT), kinds.FAR)
+        next_kind = dr.select(anchored & ~from_anchor & ~anchor.next.delta, found, next_kind)
+        continuation = Continuation(
+            dr.select(from_anchor, dr.select(on_surface, here, no_vertex()), anchor.next.vertex),
+            anchor.next.wo,
+            dr.select(second, radiance, anchor.next.suffix * radiance * mis),
+            light_pdf,
+        )
     return PathRecord(
         name.pixel,
         name.sample,
         name.seed,
-        pack_info(kind, False, dr.select(anchored, anchor.k, dr.select(to_light, j, 0)), j),
+        pack_info(
+            kind, False, dr.select(anchored, anchor.k, dr.select(to_light, j, 0)), j, next_kind
+        ),
         dr.select(anchored, anchor.vertex, dr.select(to_light & on_surface, here, no_vertex())),
         dr.select(anchored, anchor.wo, direction),
         dr.select(anchored & ~from_anchor, anchor.suffix * radiance * mis, radiance),
         light_pdf,
         dr.select(anchored, anchor.jacobian, dr.select(to_light, arrival.jacobian, 1)),
+        continuation,
     )
 
 
@@ -249,10 +308,10 @@ def _nee_record(
     anchor: Anchor,
     arrival: Link,
     here: Vertex,
-    direction: Any,
+    light: LightSample,
+    numbers: Any,
     pdf: Any,
     scattered: Any,
-    light_weight: Any,
     light_pdf: Any,
     j: Any,
 ) -> PathRecord:
@@ -264,14 +323,39 @@ def _nee_record(
         mi.UInt32(kinds.FAR),
         dr.select(from_here, mi.UInt32(kinds.NEE), kinds.REPLAY_NEE),
     )
+    next_kind = mi.UInt32(kinds.EMPTY)
+    continuation: Continuation | Absent = Absent()
+    if isinstance(anchor.next, Follower):
+        second = anchor.k + 1 == j
+        next_kind = dr.select(
+            second,
+            mi.UInt32(kinds.NEE),
+            dr.select(anchor.next.delta, mi.UInt32(kinds.EMPTY), kinds.FAR),
+        )
+        next_kind = dr.select(anchored, next_kind, kinds.EMPTY)
+        continuation = Continuation(
+            dr.select(second, here, anchor.next.vertex),
+            dr.select(second, light.d, anchor.next.wo),
+            dr.select(second, light.weight, anchor.next.suffix * scattered * light.weight),
+            light_pdf,
+        )
+    # A light sampled before any reconnection vertex is described by the numbers that sampled it.
+    leaving = dr.select(from_here, light.d, mi.Vector3f(numbers.x, numbers.y, 0))
     return PathRecord(
         name.pixel,
         name.sample,
         name.seed,
-        pack_info(kind, True, dr.select(anchored, anchor.k, dr.select(from_here, j, 0)), j + 1),
+        pack_info(
+            kind,
+            True,
+            dr.select(anchored, anchor.k, dr.select(from_here, j, 0)),
+            j + 1,
+            next_kind,
+        ),
         dr.select(anchored, anchor.vertex, dr.select(from_here, here, no_vertex())),
-        dr.select(anchored, anchor.wo, direction),
-        dr.select(anchored, anchor.suffix * scattered * light_weight, light_weight),
+        dr.select(anchored, anchor.wo, leaving),
+        dr.select(anchored, anchor.suffix * scattered * light.weight, light.weight),
         light_pdf,
         dr.select(anchored, anchor.jacobian, dr.select(from_here, arrival.jacobian, 1)),
+        continuation,
     )

@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
-from ..paths.spectrum import response, wavelengths
+from ..paths.spectrum import response
 from ..paths.vertex import compact
 from ..sampling.streams import PRIMARY, pass_stream, path_stream, uniform2
 from ..shifts.connectability import pixel_footprint

@@ -8,7 +8,8 @@ shift carries the contribution weight over.
 
 A path that did not exist in the old scene cannot be in the history, although the current scene's
 target function says that it could be: where light reaches a surface that it did not reach before,
-the frame of the change is too dark, and the error fades as the history refills.
+the frame of the change is too dark, and the error fades as the history refills. Directions are kept
+without the ratio of their old and new pdfs, so materials must not change: reset the history then.
 """
 
 from __future__ import annotations
@@ -21,18 +22,28 @@ import mitsuba as mi
 
 from ..paths import record as kinds
 from ..paths.primary_hit import PrimaryHit
-from ..paths.record import PathRecord, edge_count, ends_by_nee, kind_of, reconnection_index
+from ..paths.record import (
+    Continuation,
+    PathRecord,
+    edge_count,
+    ends_by_nee,
+    kind_of,
+    next_kind_of,
+    reconnection_index,
+)
 from ..paths.scattering import (
+    along,
     balance,
     can_connect,
     emission,
     evaluate,
+    light_numbers,
     nee_weight,
     sample_light,
     scatter,
 )
 from ..paths.spectrum import wavelengths
-from ..paths.vertex import seen_from
+from ..paths.vertex import compact, seen_from
 from ..resampling.reservoir import Reservoir
 from ..sampling.streams import path_stream
 from ..shifts.hybrid import shift
@@ -92,7 +103,7 @@ def _retrace_suffix(
     # ------------------------------ light sampled from x_k --------------------------------------
 
     sampled = from_vertex & (kind == kinds.NEE)
-    light = sample_light(scene, si_k, stream, k, True, sampled)
+    light = sample_light(scene, si_k, light_numbers(stream, k), True, sampled)
 
     # ------------------------------ light found along the stored direction ----------------------
 
@@ -107,9 +118,14 @@ def _retrace_suffix(
     # ------------------------------ longer suffixes ---------------------------------------------
 
     walking = from_vertex & (kind == kinds.FAR) & pi.is_valid()
+    after = compact(pi, si.p)  # x_{k+1}
+    after_wo = mi.Vector3f(path.wo)  # direction leaving it
     j = k + 1
-    suffix = mi.Spectrum(1)
-    radiance = mi.Spectrum(0)
+    throughput = mi.Spectrum(1)  # of the bounces after x_k
+    beyond = mi.Spectrum(1)  # of the bounces after x_{k+1}
+    radiance = mi.Spectrum(0)  # arriving at x_k
+    after_radiance = mi.Spectrum(0)  # arriving at x_{k+1}
+    after_pdf = mi.Float(0)
     start = mi.Point3f(si_k.p)
     pdf = mi.Float(0)
     delta = mi.Bool(False)
@@ -117,41 +133,65 @@ def _retrace_suffix(
     while dr.hint(walking, label="Temporal retrace"):
         si_j = pi.compute_surface_interaction(ray)
         bsdf = si_j.bsdf()
+        first = j == k + 1
 
         last = walking & ~by_nee & (j == d)
         emitted_j, pdf_j = emission(scene, si_j, start, last)
-        hit_mis = balance(pdf, dr.select(delta, 0, pdf_j))
-        radiance = dr.select(last, suffix * emitted_j * hit_mis, radiance)
+        pdf_j = dr.select(delta, 0, pdf_j)
+        arriving = emitted_j * balance(pdf, pdf_j)
+        radiance = dr.select(last, throughput * arriving, radiance)
+        after_radiance = dr.select(
+            last, dr.select(j == k + 2, emitted_j, beyond * arriving), after_radiance
+        )
+        after_pdf = dr.select(last, pdf_j, after_pdf)
         walking &= ~last & si_j.is_valid()
 
-        lit = walking & by_nee & (j + 1 == d)
-        light_j = sample_light(scene, si_j, stream, j, True, lit & can_connect(bsdf))
-        value, nee_pdf = evaluate(si_j, bsdf, light_j.d, light_j.valid)
-        nee_mis = nee_weight(dr.select(light_j.delta, 0, light_j.pdf), nee_pdf)
-        radiance = dr.select(
-            lit & light_j.valid, suffix * value * light_j.weight * nee_mis, radiance
+        numbers = light_numbers(stream, j)
+        ends_here = walking & by_nee & (j + 1 == d)
+        light_j = sample_light(scene, si_j, numbers, True, ends_here & can_connect(bsdf))
+        lit = ends_here & light_j.valid
+        value, nee_pdf = evaluate(si_j, bsdf, light_j.d, lit)
+        pdf_j = dr.select(light_j.delta, 0, light_j.pdf)
+        arriving = value * light_j.weight * nee_weight(pdf_j, nee_pdf)
+        radiance = dr.select(lit, throughput * arriving, radiance)
+        after_radiance = dr.select(
+            lit, dr.select(first, light_j.weight, beyond * arriving), after_radiance
         )
-        walking &= ~lit
+        after_pdf = dr.select(lit, pdf_j, after_pdf)
+        after_wo = dr.select(lit & first, light_j.d, after_wo)
+        walking &= ~ends_here
 
         bounce = scatter(si_j, bsdf, stream, j, walking)
-        suffix *= bounce.weight
+        if isinstance(path.next, Continuation):
+            # A mutation of x_k has changed what the random numbers of x_{k+1} would do.
+            kept = walking & first & (next_kind_of(path) != kinds.EMPTY)
+            bounce = dr.select(kept, along(si_j, bsdf, path.next.wo, kept), bounce)
+        throughput *= bounce.weight
+        beyond = dr.select(first, mi.Spectrum(1), beyond * bounce.weight)
+        after_wo = dr.select(walking & first, bounce.wo, after_wo)
         pdf, delta = bounce.pdf, bounce.delta
         start = mi.Point3f(si_j.p)
         ray = si_j.spawn_ray(bounce.wo)
-        walking &= dr.max(dr.abs(suffix)) > 0
+        walking &= dr.max(dr.abs(throughput)) > 0
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=walking)
         j += 1
 
     radiance = dr.select(found, emitted, dr.select(sampled, light.weight, radiance))
-    renewed = from_vertex | to_environment
+    sampled_pdf = dr.select(light.delta, 0, light.pdf)
+    following = path.next
+    if isinstance(following, Continuation):
+        following = dr.select(
+            from_vertex & ~sampled,
+            Continuation(after, after_wo, after_radiance, after_pdf),
+            following,
+        )
     return replace(
         path,
         vertex=replace(path.vertex, p=moved),
         wo=dr.select(sampled, light.d, path.wo),
-        radiance=dr.select(renewed, radiance, path.radiance),
+        radiance=dr.select(from_vertex | to_environment, radiance, path.radiance),
         light_pdf=dr.select(
-            found,
-            light_pdf,
-            dr.select(sampled & ~light.delta, light.pdf, dr.select(sampled, 0, path.light_pdf)),
+            found, light_pdf, dr.select(sampled, sampled_pdf, path.light_pdf)
         ),
+        next=following,
     )

@@ -30,7 +30,7 @@ from ..paths.spectrum import target
 from ..resampling.mis import density, share
 from ..resampling.reservoir import Reservoir
 from ..sampling.pairing import PairingTile, partner
-from ..sampling.streams import NEIGHBORS, SPATIAL, Stream, pass_stream, uniform2
+from ..sampling.streams import NEIGHBORS, SPATIAL, Stream, pass_stream, uniform
 from ..shifts.hybrid import Shifted, shift
 from ..shifts.mapping import ShiftMapping
 from .reuse import similar, with_factor
@@ -147,7 +147,7 @@ def merge(
         contribution = dr.select(used, m_other * forward.jacobian * their_weight, 0)
         weight = contribution * target(forward.color)
         total += weight
-        take = used & (uniform2(random, i, 0)[0] * total < weight)
+        take = used & (uniform(random, i, 0) * total < weight)
         selected = dr.select(take, other, selected)
         selected_color = dr.select(take, forward.color, selected_color)
         selected_factor = dr.select(take, forward.factor, selected_factor)
@@ -159,7 +159,7 @@ def merge(
 
     weight = canonical_share * target(canonical)
     total += weight
-    keep = uniform2(random, neighbors, 0)[0] * total < weight
+    keep = uniform(random, neighbors, 0) * total < weight
     selected = dr.select(keep, pixel, selected)
     selected_color = dr.select(keep, reservoirs.color, selected_color)
     selected_factor = dr.select(keep, reservoirs.path.jacobian, selected_factor)

@@ -20,7 +20,7 @@ from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
 from ..resampling.mis import density, share
 from ..resampling.reservoir import Reservoir, finalize, offer
-from ..sampling.streams import TEMPORAL, pass_stream, uniform2
+from ..sampling.streams import TEMPORAL, pass_stream, uniform
 from ..shifts.hybrid import shift
 from ..shifts.mapping import ShiftMapping
 from .reuse import with_confidence, with_factor
@@ -76,7 +76,7 @@ def temporal(
     m_previous = share(theirs, current.confidence * target(forward.color))
 
     pixel = dr.arange(mi.UInt32, dr.width(hit.vertex.p))
-    u_current, u_previous = uniform2(pass_stream(TEMPORAL, pixel, sample, seed), 0, 0)
+    random = pass_stream(TEMPORAL, pixel, sample, seed)
     merged = with_confidence(current, current.confidence + previous.confidence)
     merged.weight = mi.Float(0)
     merged = offer(
@@ -84,7 +84,7 @@ def temporal(
         current.path,
         current.color,
         m_current * target(current.color) * current.weight,
-        u_current,
+        uniform(random, 0, 0),
         mi.Bool(True),
     )
     merged = offer(
@@ -92,7 +92,7 @@ def temporal(
         with_factor(previous.path, forward.factor),
         forward.color,
         m_previous * target(forward.color) * forward.jacobian * previous.weight,
-        u_previous,
+        uniform(random, 1, 0),
         reusable,
     )
     return finalize(merged, 1), forward.outcome | (backward.outcome << 3)

@@ -24,8 +24,28 @@ HIT = 5  # the bounce from x_k finds the light
 LIGHT = 6  # x_k is itself on a light, found by a bounce
 ENVIRONMENT = 7  # x_k is the environment, found by a bounce
 
-MAX_EDGES = 0x3FFF
-"""Longest path that a record can describe (14 bits)."""
+MAX_EDGES = 0xFFF
+"""Longest path that a record can describe (12 bits)."""
+
+
+@dataclass
+class Absent:
+    """Stands for a part that records do not need."""
+
+
+@dataclass
+class Continuation:
+    """What follows the reconnection vertex, kept so that x_k can be moved (64 bytes a path).
+
+    Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path), ``wo``
+    (direction leaving it), ``radiance`` and ``light_pdf`` (the light arriving along ``wo``, as
+    :class:`PathRecord` has them for x_k; their kind is in the record's ``info``).
+    """
+
+    vertex: Vertex
+    wo: Any
+    radiance: Any
+    light_pdf: Any
 
 
 @dataclass
@@ -39,7 +59,9 @@ class PathRecord:
     emission alone for ``HIT`` and ``ENVIRONMENT``, emission over the light pdf for ``NEE``; unused
     for ``LIGHT``, whose emission depends on the direction. ``light_pdf`` [1/sr] is the MIS partner
     of ``NEE``, ``HIT`` and ``ENVIRONMENT``; 0 stands for a light that only one technique can find.
-    ``jacobian`` is this path's own factor p_{k-1} G p_k of the reconnection Jacobian.
+    ``jacobian`` is this path's own factor p_{k-1} G p_k of the reconnection Jacobian. A
+    ``REPLAY_NEE`` path has no ``wo``; the two numbers that sampled its light are kept there.
+    ``next`` (:class:`Continuation`) is :class:`Absent` where paths are never mutated.
     """
 
     pixel: Any
@@ -51,10 +73,18 @@ class PathRecord:
     radiance: Any
     light_pdf: Any
     jacobian: Any
+    next: Continuation | Absent
 
 
-def empty_record() -> PathRecord:
-    """The record of no path (kind ``EMPTY``)."""
+def no_continuation() -> Continuation:
+    """A continuation that leads nowhere."""
+    return Continuation(
+        no_vertex(), dr.zeros(mi.Vector3f), dr.zeros(mi.Spectrum), mi.Float(0)
+    )
+
+
+def empty_record(continued: bool) -> PathRecord:
+    """The record of no path (kind ``EMPTY``), with room for a continuation if ``continued``."""
     return PathRecord(
         mi.UInt32(0),
         mi.UInt32(0),
@@ -65,12 +95,14 @@ def empty_record() -> PathRecord:
         dr.zeros(mi.Spectrum),
         mi.Float(0),
         mi.Float(0),
+        no_continuation() if continued else Absent(),
     )
 
 
-def pack_info(kind: Any, by_nee: Any, k: Any, edges: Any) -> Any:
-    """Pack kind (3 bits), "ends by NEE" (1), k (14) and the number of edges d (14) in one word."""
-    return mi.UInt32(kind) | dr.select(by_nee, mi.UInt32(8), 0) | (k << 4) | (edges << 18)
+def pack_info(kind: Any, by_nee: Any, k: Any, edges: Any, next_kind: Any) -> Any:
+    """Pack kind (3 bits), "ends by NEE" (1), k (12), edges d (12) and the next kind (3)."""
+    nee_bit = dr.select(by_nee, mi.UInt32(8), 0)
+    return mi.UInt32(kind) | nee_bit | (k << 4) | (edges << 16) | (mi.UInt32(next_kind) << 28)
 
 
 def kind_of(record: PathRecord) -> Any:
@@ -90,4 +122,12 @@ def reconnection_index(record: PathRecord) -> Any:
 
 def edge_count(record: PathRecord) -> Any:
     """Number of edges d, the depth in Mitsuba's sense (1 is directly visible emission)."""
-    return record.info >> 18
+    return (record.info >> 16) & MAX_EDGES
+
+
+def next_kind_of(record: PathRecord) -> Any:
+    """Kind of a ``FAR`` path as seen from x_{k+1}: ``FAR``, ``NEE`` or ``HIT``.
+
+    ``EMPTY`` where x_{k+1} scatters by a delta lobe, so that the direction leaving it is not free.
+    """
+    return record.info >> 28

@@ -75,16 +75,19 @@ def scatter(
 def sample_light(
     scene: mi.Scene,
     si: mi.SurfaceInteraction3f,
-    stream: streams.Stream,
-    vertex: Any,
+    u: Any,
     test_visibility: bool,
     active: Any,
 ) -> LightSample:
-    """Sample a light from the path's ``vertex``-th vertex; a pure function of (si, stream)."""
-    u = mi.Point2f(*streams.uniform2(stream, vertex, streams.LIGHT))
+    """Sample a light from ``si`` with the two numbers ``u``; the same numbers repeat the sample."""
     ds, weight = scene.sample_emitter_direction(si, u, test_visibility, active)
     valid = active & (ds.pdf > 0)
     return LightSample(ds.d, ds.p, ds.pdf, ds.delta, weight, valid)
+
+
+def light_numbers(stream: streams.Stream, vertex: Any) -> Any:
+    """The numbers (``Point2f``) with which a path samples a light from its ``vertex``-th vertex."""
+    return mi.Point2f(*streams.uniform2(stream, vertex, streams.LIGHT))
 
 
 def evaluate(
@@ -92,6 +95,15 @@ def evaluate(
 ) -> tuple[Any, Any]:
     """BSDF times cosine and its sampling pdf [1/sr] for a world-space ``direction``."""
     return bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(direction), active)
+
+
+def along(
+    si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, direction: Any, active: Any
+) -> Scattered:
+    """The bounce along a given world-space ``direction``, as if it had been sampled."""
+    value, pdf = evaluate(si, bsdf, direction, active)
+    weight = dr.select(pdf > 0, value / pdf, mi.Spectrum(0))
+    return Scattered(direction, weight, pdf, mi.Bool(False), mi.Float(1), mi.Float(0))
 
 
 def can_connect(bsdf: mi.BSDFPtr) -> Any:

@@ -27,9 +27,9 @@ class Reservoir:
     confidence: Any
 
 
-def empty_reservoir() -> Reservoir:
-    """A reservoir that has seen nothing."""
-    return Reservoir(empty_record(), mi.Color3f(0), mi.Float(0), mi.Float(0))
+def empty_reservoir(continued: bool) -> Reservoir:
+    """A reservoir that has seen nothing; ``continued`` as in :func:`empty_record`."""
+    return Reservoir(empty_record(continued), mi.Color3f(0), mi.Float(0), mi.Float(0))
 
 
 def offer(

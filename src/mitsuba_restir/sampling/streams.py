@@ -25,7 +25,7 @@ _BLOCKS = 4
 _ROUNDS = 4
 
 # Domain separators, so that two passes never read the same numbers.
-PRIMARY, INITIAL, TEMPORAL, SPATIAL, NEIGHBORS = 1, 2, 3, 4, 5
+PRIMARY, INITIAL, TEMPORAL, SPATIAL, NEIGHBORS, MUTATION = 1, 2, 3, 4, 5, 6
 
 
 @dataclass
@@ -80,6 +80,16 @@ def uniform2(stream: Stream, vertex: Any, block: int) -> tuple[Any, Any]:
     """
     a, b = stream.words(vertex, block)
     return to_unit(a), to_unit(b)
+
+
+def uniform(stream: Stream, vertex: Any, block: int) -> Any:
+    """One uniform number in (0, 1) that resolves 2^-48, for a decision with a tiny probability.
+
+    A number on a grid of 2^-24 would accept whatever is possible at all with a probability of at
+    least 2^-24, and a path chosen far too often carries a weight that is far too large.
+    """
+    a, b = uniform2(stream, vertex, block)
+    return a + (b + 2.0**-25) * 2.0**-24
 
 
 def to_unit(word: Any) -> Any:

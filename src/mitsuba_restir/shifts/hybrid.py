@@ -20,11 +20,12 @@ import mitsuba as mi
 from ..paths import record as kinds
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import PathRecord, edge_count, kind_of, reconnection_index
-from ..paths.scattering import balance, can_connect, emission, evaluate, nee_weight, sample_light
+from ..paths.scattering import can_connect, emission, evaluate, sample_light
 from ..paths.spectrum import response, wavelengths
 from ..paths.vertex import exists, seen_from
 from ..sampling.streams import path_stream
-from .connectability import Link, depart, link
+from .connectability import depart, link
+from .ending import Ends, ending, jacobian_factor
 from .mapping import DARK, EMPTY, INVERTIBILITY, OCCLUDED, OK, TERMINATED, UNCONNECTABLE, ShiftMapping
 from .replay import Head, at_primary, replay
 
@@ -79,7 +80,7 @@ def shift(
     lost = ~by_hit & ~head.pi.is_valid() & (head.outcome == OK)
     outcome = dr.select(present, dr.select(lost, TERMINATED, head.outcome), EMPTY)
 
-    shifted = _finish(scene, path, kind, stream, hit, head, mapping, outcome)
+    shifted = _finish(scene, path, kind, hit, head, mapping, outcome)
     return Shifted(
         response(shifted.color, lambdas), shifted.jacobian, shifted.factor, shifted.outcome
     )
@@ -89,7 +90,6 @@ def _finish(
     scene: mi.Scene,
     path: PathRecord,
     kind: Any,
-    stream: Any,
     hit: PrimaryHit,
     head: Head,
     mapping: ShiftMapping,
@@ -115,9 +115,8 @@ def _finish(
         criterion, head.start, si, limit, head.index, mapping.last_index, hit.footprint
     )
 
-    light = sample_light(
-        scene, si, stream, edge_count(path) - 1, False, by_light & can_connect(bsdf)
-    )
+    numbers = mi.Point2f(path.wo.x, path.wo.y)
+    light = sample_light(scene, si, numbers, False, by_light & can_connect(bsdf))
     ray_k, pi_k = seen_from(path.vertex, si.p, head.ray.wavelengths)
     direction = dr.select(
         to_vertex, ray_k.d, dr.select(to_environment, path.wo, light.d)
@@ -156,8 +155,8 @@ def _finish(
     hit_origin = dr.select(by_hit, head.start.p, si.p)
     emitted, emitted_pdf = emission(scene, hit_si, hit_origin, by_hit | to_light)
     emitted_pdf = dr.select(by_hit & head.start.delta, 0, emitted_pdf)
-    ends = _Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, head.start.pdf)
-    color = head.throughput * _ending(path, ends)
+    ends = Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, head.start.pdf)
+    color = head.throughput * ending(path, ends)
     color = dr.select(outcome == OK, color, 0)
     bright = dr.max(dr.abs(color)) > 0
     outcome = dr.select((outcome == OK) & ~bright, DARK, outcome)
@@ -172,7 +171,7 @@ def _finish(
     occluded = scene.ray_test(shadow, extends & (outcome == OK))
     outcome = dr.select(occluded, OCCLUDED, outcome)
 
-    factor = _jacobian_factor(kind, pair, pdf_k)
+    factor = jacobian_factor(kind, pair, pdf_k)
     # A pdf may underflow. Both directions are refused alike, so nothing is lost on one side only.
     jacobian = factor / path.jacobian
     sound = (jacobian > 1e-30) & (jacobian < 1e30)
@@ -184,55 +183,3 @@ def _finish(
         factor,
         outcome,
     )
-
-
-@dataclass
-class _Ends:
-    """What the ending of a shifted path is computed from; see :func:`_ending`."""
-
-    kind: Any
-    value: Any
-    pdf: Any
-    value_k: Any
-    pdf_k: Any
-    light: Any
-    emitted: Any
-    emitted_pdf: Any
-    hit_pdf: Any
-
-
-def _ending(path: PathRecord, e: _Ends) -> Any:
-    """Integrand of everything after the replayed prefix, by kind of path."""
-    leave = dr.select(e.pdf > 0, e.value / e.pdf, 0)
-    leave_k = dr.select(e.pdf_k > 0, e.value_k / e.pdf_k, 0)
-    result = leave * leave_k * path.radiance  # FAR
-    result = dr.select(
-        e.kind == kinds.HIT, result * balance(e.pdf_k, path.light_pdf), result
-    )
-    result = dr.select(
-        e.kind == kinds.NEE,
-        leave * e.value_k * path.radiance * nee_weight(path.light_pdf, e.pdf_k),
-        result,
-    )
-    result = dr.select(
-        e.kind == kinds.LIGHT, leave * e.emitted * balance(e.pdf, e.emitted_pdf), result
-    )
-    result = dr.select(
-        e.kind == kinds.ENVIRONMENT, leave * path.radiance * balance(e.pdf, path.light_pdf), result
-    )
-    result = dr.select(
-        e.kind == kinds.REPLAY_NEE,
-        e.value
-        * e.light.weight
-        * dr.select(e.light.delta, 1, balance(e.light.pdf, e.pdf)),
-        result,
-    )
-    return dr.select(
-        e.kind == kinds.REPLAY_HIT, e.emitted * balance(e.hit_pdf, e.emitted_pdf), result
-    )
-
-
-def _jacobian_factor(kind: Any, pair: Link, pdf_k: Any) -> Any:
-    """This path's own factor of the reconnection Jacobian (1 without a reconnection vertex)."""
-    sampled = (kind == kinds.FAR) | (kind == kinds.HIT)
-    return dr.select(kind < kinds.FAR, 1, pair.jacobian * dr.select(sampled, pdf_k, 1))

@@ -1,0 +1,182 @@
+"""Perturbations: the same path with another reconnection vertex, in the same pixel.
+
+Everything before x_{k-1} and after x_{k+1} stays. Which factors of the path's density change, and
+with them the Jacobian of the move in primary sample space, depends on what follows x_k:
+
+    FAR          p(x_k -> x_{k+1}) G(x_k, x_{k+1}) p(x_{k+1} -> x_{k+2}), the last unless sampled light
+    NEE          none (the light's random numbers stay)
+    HIT          p(x_k -> light) G(x_k, light), without G for the environment
+    LIGHT, ENVIRONMENT, REPLAY_NEE    none
+
+The source is Sawhney et al. 2024, section 4, written for a direction-space proposal: instead of the
+random numbers of x_{k-1} its direction is perturbed, and p(x_{k-1} -> x_k) joins the factors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..paths import record as kinds
+from ..paths.record import PathRecord, kind_of, next_kind_of, reconnection_index
+from ..paths.scattering import (
+    balance,
+    can_connect,
+    emission,
+    evaluate,
+    light_numbers,
+    nee_weight,
+    sample_light,
+)
+from ..paths.spectrum import response
+from ..paths.vertex import Vertex, exists, seen_from
+from .connectability import depart, link
+from .ending import Ends, ending, jacobian_factor
+from .mapping import ShiftMapping
+from .pivot import Pivot
+
+
+@dataclass
+class State:
+    """A state of the Markov chain.
+
+    Fields: ``path``, ``color`` (``Color3f``, F), ``density`` (``Float``, the factors of the path's
+    density that moves change, p(x_{k-1} -> x_k) among them), ``direction`` (``Vector3f``, x_{k-1} to
+    x_k) and ``pdf`` (its BSDF pdf).
+    """
+
+    path: PathRecord
+    color: Any
+    density: Any
+    direction: Any
+    pdf: Any
+
+
+def at_vertex(
+    scene: mi.Scene,
+    pivot: Pivot,
+    path: PathRecord,
+    vertex: Vertex,
+    si_k: mi.SurfaceInteraction3f,
+    direction: Any,
+    mapping: ShiftMapping,
+    active: Any,
+) -> tuple[State, mi.Ray3f, Any]:
+    """The path with reconnection vertex ``si_k``, visibility of what follows it left open.
+
+    Parameters
+    ----------
+    path : PathRecord
+        The path to be changed (a ``REPLAY_NEE`` path carries the light's new numbers already).
+    vertex, si_k : Vertex, SurfaceInteraction3f
+        The new x_k (invalid for the environment).
+    direction : Vector3f
+        Direction from the pivot to it.
+
+    Returns
+    -------
+    state : State
+        Color 0 where the move leaves the set on which the chain is defined.
+    shadow : Ray3f
+        The segment that must be unoccluded.
+    tested : Bool
+        Lanes that have one.
+    """
+    criterion = mapping.criterion
+    kind, k = kind_of(path), reconnection_index(path)
+    far, nee, hit = kind == kinds.FAR, kind == kinds.NEE, kind == kinds.HIT
+    by_numbers = kind == kinds.REPLAY_NEE
+    onward = active & (far | nee | hit)
+    ahead = active & (far | hit) & exists(path.next.vertex)
+    bsdf, bsdf_k = pivot.si.bsdf(), si_k.bsdf()
+
+    # ------------------------------ light samples and x_{k-1} -> x_k ----------------------------
+
+    numbers = dr.select(
+        by_numbers, mi.Point2f(path.wo.x, path.wo.y), light_numbers(pivot.stream, k)
+    )
+    sampled = active & dr.select(by_numbers, can_connect(bsdf), nee & can_connect(bsdf_k))
+    light = sample_light(
+        scene, dr.select(by_numbers, pivot.si, si_k), numbers, False, sampled
+    )
+    direction = dr.select(by_numbers, light.d, direction)
+    value, pdf = evaluate(pivot.si, bsdf, direction, active & (~by_numbers | light.valid))
+    start = depart(pivot.si, direction, pdf, mi.Bool(False), pivot.limit)
+    limit_k = criterion.vertex_limit(si_k, bsdf_k, onward)
+    pair = link(
+        criterion, start, si_k, limit_k, k, mapping.last_index, pivot.footprint
+    )
+
+    # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
+
+    ray_n, pi_n = seen_from(path.next.vertex, si_k.p, pivot.lambdas)
+    si_n = pi_n.compute_surface_interaction(ray_n, active=ahead)
+    wo = dr.select(nee, light.d, dr.select(ahead, ray_n.d, path.wo))
+    value_k, pdf_k = evaluate(si_k, bsdf_k, wo, onward)
+    value_n, pdf_n = evaluate(si_n, si_n.bsdf(), path.next.wo, ahead & far)
+    geometry = dr.abs(dr.dot(si_n.n, ray_n.d)) / dr.square(pi_n.t)
+
+    # The pair before the pivot must stay unconnectable with the new direction, and x_k connectable.
+    defined = active & ~(pdf <= pivot.arrival.limit)
+    defined &= by_numbers | dr.select(
+        onward, (pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches
+    )
+
+    # ------------------------------ what arrives ------------------------------------------------
+
+    found = active & ((kind == kinds.LIGHT) | (kind == kinds.ENVIRONMENT))
+    emitted, emitted_pdf = emission(
+        scene,
+        dr.select(hit, si_n, si_k),
+        dr.select(hit, si_k.p, pivot.si.p),
+        found | (hit & ahead),
+    )
+    renewed = found | (hit & ahead)
+    radiance = dr.select(far, _through(path, value_n, pdf_n), path.radiance)
+    radiance = dr.select(renewed, emitted, dr.select(nee, light.weight, radiance))
+    light_pdf = dr.select(nee, dr.select(light.delta, 0, light.pdf), path.light_pdf)
+    light_pdf = dr.select(renewed, emitted_pdf, light_pdf)
+    moved = replace(
+        path,
+        vertex=vertex,
+        wo=dr.select(kind == kinds.ENVIRONMENT, direction, dr.select(onward, wo, path.wo)),
+        radiance=radiance,
+        light_pdf=light_pdf,
+        jacobian=jacobian_factor(kind, pair, pdf_k),
+    )
+    ends = Ends(
+        kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, mi.Float(0)
+    )
+    color = response(pivot.throughput * ending(moved, ends), pivot.lambdas)
+
+    density = dr.select(by_numbers, 1, pdf)
+    density *= dr.select(far | hit, pdf_k * dr.select(ahead, geometry, 1), 1)
+    density *= dr.select(far & (next_kind_of(path) != kinds.NEE), pdf_n, 1)
+
+    # ------------------------------ visibility --------------------------------------------------
+
+    end = dr.select(ahead, path.next.vertex.p, light.p)
+    shadow = dr.select(
+        by_numbers,
+        pivot.si.spawn_ray_to(end),
+        dr.select(hit & ~ahead, si_k.spawn_ray(wo), si_k.spawn_ray_to(end)),
+    )
+    color = dr.select(defined & (density > 0), color, 0)
+    return State(moved, color, density, direction, pdf), shadow, onward | (active & by_numbers)
+
+
+def _through(path: PathRecord, value: Any, pdf: Any) -> Any:
+    """Light that a ``FAR`` path sends from x_{k+1} to x_k, by its kind as seen from x_{k+1}."""
+    kind, following = next_kind_of(path), path.next
+    scattered = dr.select(pdf > 0, value / pdf, 0) * following.radiance
+    scattered = dr.select(
+        kind == kinds.HIT, scattered * balance(pdf, following.light_pdf), scattered
+    )
+    return dr.select(
+        kind == kinds.NEE,
+        value * following.radiance * nee_weight(following.light_pdf, pdf),
+        scattered,
+    )
