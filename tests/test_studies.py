@@ -552,7 +552,7 @@ def test_reference_files_must_fit(study: Study, tmp_path: Path) -> None:
 
 REAL = """
 name = "real"
-scene = "ajar"
+scene = "cornell"
 sizes = ["16x12"]
 max_depth = 3
 frames = 2

@@ -192,3 +192,22 @@ def test_a_cluster_that_does_not_answer_is_one_line() -> None:
 
     with pytest.raises(UsageError, match="no scheduler answers"), module.dask_cluster("nowhere"):
         pass
+
+
+@pytest.mark.slow
+def test_a_moving_camera_arrives_at_the_view(tmp_path: Path) -> None:
+    path = tmp_path / "moving.toml"
+    quantities = 'quantities = ["mean_ratio", "statistics"]'
+    text = REAL.replace('quantities = ["relmse", "time"]', quantities)
+    text = text.replace("frames = 2\nwarmup = 1", "frames = 1\nwarmup = 6")
+    text = text.replace("spp = 256", "spp = 2048").replace("runs = 4", "runs = 12")
+    path.write_text(f"{text}\n[motion]\nstep = [0.05, 0.0, 0.0]\n")
+    table = run_study(load_study(str(path)), tmp_path / "out")
+    rows = {(row.variant, row.quantity): row.value for row in table.rows}
+    # Seen from where the reference is, and with a history that has moved along.
+    for name in ("path", "restir"):
+        ratio = rows[name, "mean ratio"]
+        assert abs(ratio.value - 1.0) < 4.0 * ratio.standard_error + 0.01
+    assert 0.3 < rows["restir", "matched"].value <= 1.0
+    with pytest.raises(UsageError, match="frames must be 1"):
+        load_study(str(path), ["frames=2"])

@@ -5,19 +5,17 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ..studies import load_study, packaged_studies, run_study, write_report
 from ..studies.adapt import on_scene, quick, without
 from ..studies.config import Study
 from ..studies.dask_cluster import dask_cluster
-from ..studies.runner import Progress as Report
+from ..studies.progress import progress_bar
 from ..studies.store import StudyFolder
 
 
@@ -59,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     study = _study(options)
     folder = Path(options.output or _folder(options, study))
     runs_on = dask_cluster(options.dask) if options.dask else nullcontext()
-    with runs_on as cluster, _progress(study.name) as report:
+    with runs_on as cluster, progress_bar(study.name) as report:
         table = run_study(study, folder, report, cluster)
     for note in table.notes:
         print(f"mitsuba-restir: {note}", file=sys.stderr)
@@ -100,24 +98,3 @@ def _command(options: argparse.Namespace, folder: Path) -> str:
         for value in values:
             words += [option, value]
     return shlex.join(words)
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Report]:
-    screen = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:.0f} %"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
-    with bar as progress:
-        task = progress.add_task(name, total=None)
-
-        def report(done: int, total: int, text: str) -> None:
-            progress.update(task, completed=done, total=total, description=text)
-
-        yield report

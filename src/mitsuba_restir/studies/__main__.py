@@ -9,20 +9,11 @@ from pathlib import Path
 from typing import NoReturn
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from ..errors import RestirError, UsageError, one_line
-from .config import Study
 from .files import load_study, packaged_studies
+from .progress import progress_bar
 from .runner import run_study
-from .table import Table
 
 
 class _Parser(argparse.ArgumentParser):
@@ -50,32 +41,13 @@ def _parser() -> _Parser:
     return parser
 
 
-def _run(study: Study, output: Path, screen: Console) -> Table:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
-    with bar as progress:
-        task = progress.add_task(study.name, total=None)
-
-        def report(done: int, total: int, text: str) -> None:
-            progress.update(task, completed=done, total=total, description=text)
-
-        return run_study(study, output, report)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 done, 1 failed, 2 wrong use, 130 interrupted."""
-    screen = Console(stderr=True)
     try:
         options = _parser().parse_args(arguments)
         study = load_study(options.study, options.set)
-        table = _run(study, options.output, screen)
+        with progress_bar(study.name) as report:
+            table = run_study(study, options.output, report)
     except RestirError as error:
         print(f"mitsuba-restir: {one_line(error)}", file=sys.stderr)
         return error.exit_code

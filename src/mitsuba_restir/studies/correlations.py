@@ -47,19 +47,19 @@ def _covariance(
         ratio, p_value = None, None
         if partner := data.partner(name):
             ratio = covariance_ratio(own, stacks[partner], reference)
-            p_value = _p_value(ratio)
+            p_value = _p_value(ratio, len(own))
         quantity = f"relative covariance r=8{label}"
         yield make_row(data, name, quantity, "", found.covariance, ratio, p_value=p_value)
         yield make_row(data, name, f"{quantity}, with j=i", "", found.with_self, None)
         yield make_row(data, name, f"mean correlation r=8{label}", "", found.normalised, None)
 
 
-def _p_value(ratio: Interval) -> float | None:
-    """Two-sided p-value of a bootstrapped ratio against 1, its logarithm taken as normal."""
+def _p_value(ratio: Interval, runs: int) -> float | None:
+    """Two-sided p-value of a bootstrapped ratio against 1: Student's t of its logarithm."""
     if not (ratio.value > 0.0 and ratio.standard_error > 0.0):
         return None
     score = np.log(ratio.value) * ratio.value / ratio.standard_error
-    return float(2.0 * stats.norm.sf(abs(score)))
+    return float(2.0 * stats.t.sf(abs(score), runs - 1))
 
 
 def relative_errors(run: Run, reference: ReferenceImage) -> FloatArray:
