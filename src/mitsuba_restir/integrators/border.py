@@ -1,4 +1,4 @@
-"""The border: what ``restir_pt`` cannot render is refused here, in one line that says what to do."""
+"""The border: what ``restir_pt`` cannot render is refused in one line that says what to do."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Frame:
     """A rendered frame.
 
     Fields: ``color`` (``Color3f``), ``alpha`` (``Float``), ``auxiliary`` (list of ``Float``),
-    ``outcomes`` (list of ``UInt32``: shift outcomes of each reuse pass, 3 bits a shift), ``matched``
+    ``outcomes`` (per reuse pass a list of ``UInt32``: shift outcomes, 3 bits a shift), ``matched``
     (``Bool``: pixels that found their history), ``mutated`` (:class:`Mutated`, if there were
     mutations), ``history`` (:class:`History`).
     """
@@ -170,7 +170,7 @@ def render_frame(
             seed,
             mapping,
         )
-        outcomes.append(outcome)
+        outcomes.append([outcome])
         dr.eval(reservoirs, outcome, matched, flow)
 
     mutated = None
@@ -192,22 +192,27 @@ def render_frame(
     color = reservoir_color(reservoirs)
     for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
         round_number = dr.opaque(mi.UInt32, round_index)
-        exchanged = exchange(
-            scene,
-            sensor,
-            reservoirs,
-            now.hit,
-            size,
-            tile,
-            parameters.spatial_neighbors,
-            neighbor_choices(round_number, sample, seed),
-            mapping,
-        )
-        dr.eval(exchanged)
-        reservoirs, color = merge(
-            reservoirs, exchanged, parameters.spatial_neighbors, round_number, sample, seed
-        )
-        outcomes.append(exchanged.shifted.outcome)
+        choices = neighbor_choices(round_number, sample, seed)
+        exchanged = []
+        for index in range(parameters.spatial_neighbors):
+            number = dr.opaque(mi.UInt32, index)
+            exchanged.append(
+                exchange(
+                    scene,
+                    sensor,
+                    reservoirs,
+                    now.hit,
+                    size,
+                    tile,
+                    number,
+                    parameters.spatial_neighbors,
+                    choices,
+                    mapping,
+                )
+            )
+            dr.eval(exchanged[-1])
+        reservoirs, color = merge(reservoirs, exchanged, round_number, sample, seed)
+        outcomes.append([theirs.outcome for theirs in exchanged])
         dr.eval(reservoirs, color)
 
     color += now.emitted

@@ -9,7 +9,6 @@ from typing import Any
 from ..passes.shade import AOV_CHANNELS
 from ..paths.record import MAX_EDGES
 
-
 MUTATION_STEP = 0.05
 """Default width of a mutation in primary sample space."""
 

@@ -68,7 +68,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
      * - confidence_cap
        - |float|
-       - Largest confidence of the history, relative to the current frame's candidates. (Default: 20)
+       - Largest confidence of the history, relative to the frame's own candidates. (Default: 20)
 
      * - shift
        - |string|
@@ -205,6 +205,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             return self._develop(sensor.film(), frame)
 
     def aov_names(self) -> list[str]:
+        """Names of the auxiliary channels, in film order."""
         return [
             f"{name}.{suffix}"
             for name, kind in self.parameters.aovs
@@ -238,6 +239,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         return statistics
 
     def to_string(self) -> str:
+        """The integrator and its parameters as text."""
         return f"ReSTIRPTIntegrator[{self.parameters}]"
 
     def _spatial_rounds(self) -> int:
@@ -311,10 +313,14 @@ def _criterion(name: str, scene: mi.Scene) -> Criterion:
     return DistanceRoughness(NEAR_FRACTION * float(dr.norm(scene.bbox().extents())) / 2)
 
 
-def _outcome_shares(packed: Any, shifts: int) -> dict[str, float]:
-    """Share of each outcome among ``shifts`` shifts per pixel, packed 3 bits each."""
+def _outcome_shares(packed: list[Any], shifts: int) -> dict[str, float]:
+    """Share of each outcome among ``shifts`` shifts per lane and array, packed 3 bits each."""
     counts = [
-        sum(int(dr.count((packed >> (3 * i)) & 7 == code)[0]) for i in range(shifts))
+        sum(
+            int(dr.count((words >> (3 * i)) & 7 == code)[0])
+            for words in packed
+            for i in range(shifts)
+        )
         for code in range(len(OUTCOMES))
     ]
     tried = max(sum(counts) - counts[1], 1)

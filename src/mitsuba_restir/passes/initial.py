@@ -43,8 +43,8 @@ class Anchor:
     """The reconnection vertex that a growing path has found, if ``k`` is not 0.
 
     Fields: ``k``, ``vertex`` (x_k), ``wo`` (direction leaving it), ``jacobian`` (p_{k-1} G p_k),
-    ``suffix`` (``Spectrum``, throughput of the bounces after x_k's own), ``next`` (:class:`Follower`
-    or :class:`Absent` where records need no continuation).
+    ``suffix`` (``Spectrum``, throughput of the bounces after x_k's own), ``next``
+    (:class:`Follower`, or :class:`Absent` where records need no continuation).
     """
 
     k: Any

@@ -1,7 +1,7 @@
 """Spatial reuse: merge each pixel with similar partners by defensive pairwise MIS.
 
-Lin et al. 2022 (GRIS), section 7.1 and supplement. With canonical sample x, V similar neighbours x_i
-out of k requested ones, and confidences c, neighbour i and the canonical sample are paired by
+Lin et al. 2022 (GRIS), section 7.1 and supplement. With canonical sample x, V similar neighbours
+x_i out of k requested ones, and confidences c, neighbour i and the canonical sample are paired by
 
     m_i(y)  = c_i p_i(T^-1 y) |J^-1| / (c_i p_i(T^-1 y) |J^-1| + (c/k) p(y)),   m_i + m_{c,i} = 1,
 
@@ -12,8 +12,8 @@ and the pixel is the plain mean of the V + 1 estimators that the pairs and the c
 Each has the expectation of the pixel. Their luminance sums to that of the selected sample, so
 shading by the mean of the g (vector weights) changes colour noise only.
 
-Neighbours are reciprocal: the shift of q's path to p is needed by both, as y_i of p and for m_{c,i}
-of q, and is computed once, by :func:`exchange`.
+Neighbours are reciprocal: the shift of q's path to p serves both, as y_i of p and in m_{c,i} of q,
+and is computed once, by :func:`exchange`.
 """
 
 from __future__ import annotations
@@ -31,22 +31,30 @@ from ..resampling.mis import density, share
 from ..resampling.reservoir import Reservoir
 from ..sampling.pairing import PairingTile, partner
 from ..sampling.streams import NEIGHBORS, SPATIAL, Stream, pass_stream, uniform
-from ..shifts.hybrid import Shifted, shift
+from ..shifts.hybrid import shift
 from ..shifts.mapping import ShiftMapping
 from .reuse import similar, with_factor
 
 
 @dataclass
 class Exchanged:
-    """The path of each of a pixel's partners shifted to it: k blocks of one lane per pixel.
+    """The path of one partner of every pixel, shifted to the pixel.
 
-    Fields: ``shifted`` (:class:`Shifted`), ``partner`` (``UInt32``, row-major pixel index),
-    ``valid`` (``Bool``, the partner exists and is similar in the G-buffer, seen from this pixel).
+    Fields: ``partner`` (``UInt32``, row-major pixel index), ``valid`` (``Bool``, it exists and is
+    similar in the G-buffer), ``color`` (``Color3f``, F of the shifted path here), ``factor`` (its
+    own p G p), ``weight`` (m_i W_i J_i: what F counts with), ``reach`` (c p J: the density with
+    which this pixel makes the partner's path, for the partner's MIS weight), ``confidence`` (the
+    partner's), ``outcome`` (of the shift).
     """
 
-    shifted: Shifted
     partner: Any
     valid: Any
+    color: Any
+    factor: Any
+    weight: Any
+    reach: Any
+    confidence: Any
+    outcome: Any
 
 
 def neighbor_choices(round_index: Any, sample: Any, seed: Any) -> Stream:
@@ -61,11 +69,12 @@ def exchange(
     hits: PrimaryHit,
     size: tuple[Any, Any],
     tile: PairingTile,
+    index: Any,
     neighbors: int,
     choices: Stream,
     mapping: ShiftMapping,
 ) -> Exchanged:
-    """Shift the paths of its ``neighbors`` partners to every pixel (one lane per pair and side).
+    """Shift the path of its ``index``-th partner to every pixel.
 
     Paths are pulled rather than pushed: the lanes of a packet then start from adjacent pixels.
 
@@ -75,33 +84,45 @@ def exchange(
         All pixels' reservoirs and primary hits, row-major.
     size : (UInt32, UInt32)
         Width and height in pixels.
+    index : UInt32
+        Number of the partner, below ``neighbors`` (opaque, so that all share one kernel).
     choices : Stream
         See :func:`neighbor_choices`.
     """
-    pixels = dr.width(hits.vertex.p)
-    lane = dr.arange(mi.UInt32, pixels * neighbors)
-    index = lane // dr.opaque(mi.UInt32, pixels)
-    pixel = lane - index * dr.opaque(mi.UInt32, pixels)
+    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
     other, inside = partner(tile, choices, index, pixel, size)
-    here = dr.gather(PrimaryHit, hits, pixel)
     there = dr.gather(PrimaryHit, hits, other, inside)
+    theirs = dr.gather(Reservoir, reservoirs, other, inside)
     # Similarity need not be symmetric: each side's own test decides whether it reuses the other.
-    wanted = inside & (similar(here, there) | similar(there, here))
-    path = dr.gather(PathRecord, reservoirs.path, other, wanted)
-    weight = dr.gather(mi.Float, reservoirs.weight, other, wanted)
-    shifted = shift(scene, sensor, path, here, mapping, wanted & (weight > 0))
-    return Exchanged(shifted, other, inside & similar(here, there))
+    valid = inside & similar(hits, there)
+    wanted = inside & (valid | similar(there, hits)) & (theirs.weight > 0)
+    shifted = shift(scene, sensor, theirs.path, hits, mapping, wanted)
+    m_other = share(
+        density(theirs.confidence, target(theirs.color), 1 / shifted.jacobian),
+        reservoirs.confidence / neighbors * target(shifted.color),
+    )
+    used = valid & (target(shifted.color) > 0)
+    return Exchanged(
+        other,
+        valid,
+        shifted.color,
+        shifted.factor,
+        dr.select(used, m_other * shifted.jacobian * theirs.weight, 0),
+        density(reservoirs.confidence, target(shifted.color), shifted.jacobian),
+        dr.select(valid, theirs.confidence, 0),
+        shifted.outcome,
+    )
 
 
 def merge(
-    reservoirs: Reservoir,
-    exchanged: Exchanged,
-    neighbors: int,
-    round_index: Any,
-    sample: Any,
-    seed: Any,
+    reservoirs: Reservoir, exchanged: list[Exchanged], round_index: Any, sample: Any, seed: Any
 ) -> tuple[Reservoir, Any]:
-    """Merge the shifted paths into every pixel's reservoir.
+    """Merge the partners' paths into every pixel's reservoir.
+
+    Parameters
+    ----------
+    exchanged : list of Exchanged
+        One entry per partner.
 
     Returns
     -------
@@ -110,12 +131,10 @@ def merge(
     color : Color3f
         Mean of the pair estimators.
     """
-    pixels = dr.width(reservoirs.weight)
-    pixel = dr.arange(mi.UInt32, pixels)
+    pixel = dr.arange(mi.UInt32, dr.width(reservoirs.weight))
     random = pass_stream(SPATIAL, pixel, sample, seed ^ (round_index << 24))
     canonical = reservoirs.color * reservoirs.weight
-    fraction = reservoirs.confidence / neighbors
-    own = fraction * target(reservoirs.color)
+    own = reservoirs.confidence / len(exchanged) * target(reservoirs.color)
 
     total = mi.Float(0)  # sum of resampling weights
     selected = mi.UInt32(pixel)  # pixel whose path leads
@@ -126,40 +145,23 @@ def merge(
     count = mi.Float(1)  # V + 1
     confidence = mi.Float(reservoirs.confidence)
 
-    for i in range(neighbors):
-        lane = pixel + i * dr.opaque(mi.UInt32, pixels)
-        other = dr.gather(mi.UInt32, exchanged.partner, lane)
-        valid = dr.gather(mi.Bool, exchanged.valid, lane)
-        forward = dr.gather(Shifted, exchanged.shifted, lane)
-        backward = dr.gather(
-            Shifted, exchanged.shifted, other + i * dr.opaque(mi.UInt32, pixels), valid
-        )
-        their_color = dr.gather(mi.Color3f, reservoirs.color, other, valid)
-        their_weight = dr.gather(mi.Float, reservoirs.weight, other, valid)
-        their_confidence = dr.gather(mi.Float, reservoirs.confidence, other, valid)
-        used = valid & (their_weight > 0) & (target(forward.color) > 0)
-
-        m_other = share(
-            density(their_confidence, target(their_color), 1 / forward.jacobian),
-            fraction * target(forward.color),
-        )
-        m_own = share(own, density(their_confidence, target(backward.color), backward.jacobian))
-        contribution = dr.select(used, m_other * forward.jacobian * their_weight, 0)
-        weight = contribution * target(forward.color)
+    for i, theirs in enumerate(exchanged):
+        weight = theirs.weight * target(theirs.color)
         total += weight
-        take = used & (uniform(random, i, 0) * total < weight)
-        selected = dr.select(take, other, selected)
-        selected_color = dr.select(take, forward.color, selected_color)
-        selected_factor = dr.select(take, forward.factor, selected_factor)
+        take = (weight > 0) & (uniform(random, i, 0) * total < weight)
+        selected = dr.select(take, theirs.partner, selected)
+        selected_color = dr.select(take, theirs.color, selected_color)
+        selected_factor = dr.select(take, theirs.factor, selected_factor)
 
-        color += dr.select(used, contribution * forward.color, 0)
-        canonical_share += dr.select(valid, m_own, 0)
-        count += dr.select(valid, mi.Float(1), 0)
-        confidence += their_confidence
+        reach = dr.gather(mi.Float, theirs.reach, theirs.partner, theirs.valid)
+        color += theirs.weight * theirs.color
+        canonical_share += dr.select(theirs.valid, share(own, reach), 0)
+        count += dr.select(theirs.valid, mi.Float(1), 0)
+        confidence += theirs.confidence
 
     weight = canonical_share * target(canonical)
     total += weight
-    keep = uniform(random, neighbors, 0) * total < weight
+    keep = uniform(random, len(exchanged), 0) * total < weight
     selected = dr.select(keep, pixel, selected)
     selected_color = dr.select(keep, reservoirs.color, selected_color)
     selected_factor = dr.select(keep, reservoirs.path.jacobian, selected_factor)

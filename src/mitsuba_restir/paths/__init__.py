@@ -1,1 +1,1 @@
-"""What a path is: compact vertices, path records, and the one tracer that tracing and replay share."""
+"""What a path is: compact vertices, path records, and the tracer that all passes share."""

@@ -16,8 +16,8 @@ class PrimaryHit:
     """G-buffer entry (64 bytes a pixel).
 
     Fields: ``vertex`` (x_1; null shape where the camera ray escapes), ``origin`` (``Point3f``, x_0,
-    the lens point), ``normal`` (``Normal3f``, shading normal), ``footprint`` (``Float``, the pixel's
-    footprint at x_1, see :func:`mitsuba_restir.shifts.connectability.pixel_footprint`).
+    the lens point), ``normal`` (``Normal3f``, shading normal), ``footprint`` (``Float``, the
+    pixel's footprint at x_1, see :func:`mitsuba_restir.shifts.connectability.pixel_footprint`).
     """
 
     vertex: Vertex

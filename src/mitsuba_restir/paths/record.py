@@ -131,3 +131,9 @@ def next_kind_of(record: PathRecord) -> Any:
     ``EMPTY`` where x_{k+1} scatters by a delta lobe, so that the direction leaving it is not free.
     """
     return record.info >> 28
+
+
+def continuation_of(record: PathRecord) -> Continuation:
+    """The record's continuation, which mutations rely on."""
+    assert isinstance(record.next, Continuation)
+    return record.next

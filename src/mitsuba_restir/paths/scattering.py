@@ -133,7 +133,7 @@ def emission(
 
 
 def balance(pdf: Any, other: Any) -> Any:
-    """Balance heuristic (Veach 1997) for the technique with density ``pdf``; 0 where both vanish."""
+    """Balance heuristic (Veach 1997) of the technique with density ``pdf``; 0 where both vanish."""
     total = pdf + other
     return dr.select(total > 0, pdf / total, 0)
 

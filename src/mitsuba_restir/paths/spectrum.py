@@ -1,8 +1,8 @@
 """Colour of a path: its wavelengths, the sensor's response to it, and the target function.
 
 In RGB and monochrome variants a path has no wavelengths. In spectral variants the wavelength sample
-is one more primary sample of the path: it is drawn from the path's own stream, replayed with it, and
-a shifted path is evaluated at the wavelengths of its source (Jacobian 1).
+is one more primary sample of the path: it is drawn from the path's own stream, replayed with it,
+and a shifted path is evaluated at the wavelengths of its source (Jacobian 1).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Compact surface vertices: 36 bytes from which Mitsuba rebuilds the full interaction without a ray."""
+"""Compact surface vertices: 36 bytes from which the interaction is rebuilt without a ray."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Counter-based random numbers: every number is a hash of what it is for, so any path can be replayed.
+"""Counter-based random numbers: every number is a hash of its purpose, so paths can be replayed.
 
-A path is named by ``(pixel, sample, seed)`` and draws its numbers by ``(vertex, block)``. Nothing is
-consumed in order, so a replay may skip a number without shifting those that follow. The generator
-is Mitsuba's own TEA hash (Zafar, Olano and Curtis 2010), which returns two 32-bit words per call.
+A path is named by ``(pixel, sample, seed)`` and draws its numbers by ``(vertex, block)``. Nothing
+is consumed in order, so a replay may skip a number without shifting those that follow. The
+generator is Mitsuba's TEA hash (Zafar, Olano and Curtis 2010): two 32-bit words per call.
 """
 
 from __future__ import annotations

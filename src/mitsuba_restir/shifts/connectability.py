@@ -35,8 +35,8 @@ class Departure:
 class Link:
     """The pair (x_{k-1}, x_k) on arrival at x_k.
 
-    ``reaches``: x_k may be the reconnection vertex if it is a light. ``limit``: it may be one if the
-    pdf of the direction that leaves it is at most this (negative: never). ``jacobian`` is
+    ``reaches``: x_k may be the reconnection vertex if it is a light. ``limit``: it may be one if
+    the pdf of the direction that leaves it is at most this (negative: never). ``jacobian`` is
     p_{k-1} G(x_{k-1} -> x_k), or p_{k-1} alone for the environment.
     """
 
@@ -73,14 +73,17 @@ class Footprint:
     alpha: float = 0.2
 
     def vertex_limit(self, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: Any) -> Any:
+        """See :class:`Criterion`."""
         return mi.Float(1 / self.alpha**2)
 
     def is_far(self, distance2: Any, start: Departure, cos_end: Any, footprint: Any) -> Any:
+        """See :class:`Criterion`."""
         return distance2 >= self.tau * footprint * start.pdf * cos_end
 
     def leaving_limit(
         self, distance2: Any, start: Departure, footprint: Any, end_limit: Any
     ) -> Any:
+        """See :class:`Criterion`."""
         return distance2 / (self.tau * footprint * start.cos)
 
 
@@ -88,15 +91,16 @@ class Footprint:
 class DistanceRoughness:
     """Distance and roughness thresholds (Lin et al. 2022).
 
-    The vertices must be ``distance`` apart [scene units] and both rough: the BSDF attribute ``alpha``
-    (or the square of ``roughness``) above ``alpha``, and for a BSDF that has neither, the direction's
-    pdf at most 1/``alpha``^2.
+    The vertices must be ``distance`` apart [scene units] and both rough: the BSDF attribute
+    ``alpha`` (or the square of ``roughness``) above ``alpha``, and for a BSDF that has neither, the
+    direction's pdf at most 1/``alpha``^2.
     """
 
     distance: float
     alpha: float = 0.2
 
     def vertex_limit(self, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: Any) -> Any:
+        """See :class:`Criterion`."""
         has_alpha = active & bsdf.has_attribute("alpha", active)
         has_roughness = active & bsdf.has_attribute("roughness", active)
         alpha = bsdf.eval_attribute_1("alpha", si, has_alpha)
@@ -106,11 +110,13 @@ class DistanceRoughness:
         return dr.select(has_alpha | has_roughness, by_attribute, 1 / self.alpha**2)
 
     def is_far(self, distance2: Any, start: Departure, cos_end: Any, footprint: Any) -> Any:
+        """See :class:`Criterion`."""
         return distance2 >= self.distance**2
 
     def leaving_limit(
         self, distance2: Any, start: Departure, footprint: Any, end_limit: Any
     ) -> Any:
+        """See :class:`Criterion`."""
         return end_limit
 
 

@@ -26,7 +26,16 @@ from ..paths.vertex import exists, seen_from
 from ..sampling.streams import path_stream
 from .connectability import depart, link
 from .ending import Ends, ending, jacobian_factor
-from .mapping import DARK, EMPTY, INVERTIBILITY, OCCLUDED, OK, TERMINATED, UNCONNECTABLE, ShiftMapping
+from .mapping import (
+    DARK,
+    EMPTY,
+    INVERTIBILITY,
+    OCCLUDED,
+    OK,
+    TERMINATED,
+    UNCONNECTABLE,
+    ShiftMapping,
+)
 from .replay import Head, at_primary, replay
 
 

@@ -3,7 +3,8 @@
 Everything before x_{k-1} and after x_{k+1} stays. Which factors of the path's density change, and
 with them the Jacobian of the move in primary sample space, depends on what follows x_k:
 
-    FAR          p(x_k -> x_{k+1}) G(x_k, x_{k+1}) p(x_{k+1} -> x_{k+2}), the last unless sampled light
+    FAR          p(x_k -> x_{k+1}) G(x_k, x_{k+1}) p(x_{k+1} -> x_{k+2}), without the last where
+                 the light is sampled from x_{k+1}
     NEE          none (the light's random numbers stay)
     HIT          p(x_k -> light) G(x_k, light), without G for the environment
     LIGHT, ENVIRONMENT, REPLAY_NEE    none
@@ -21,7 +22,13 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths import record as kinds
-from ..paths.record import PathRecord, kind_of, next_kind_of, reconnection_index
+from ..paths.record import (
+    PathRecord,
+    continuation_of,
+    kind_of,
+    next_kind_of,
+    reconnection_index,
+)
 from ..paths.scattering import (
     balance,
     can_connect,
@@ -44,8 +51,8 @@ class State:
     """A state of the Markov chain.
 
     Fields: ``path``, ``color`` (``Color3f``, F), ``density`` (``Float``, the factors of the path's
-    density that moves change, p(x_{k-1} -> x_k) among them), ``direction`` (``Vector3f``, x_{k-1} to
-    x_k) and ``pdf`` (its BSDF pdf).
+    density that moves change, p(x_{k-1} -> x_k) among them), ``direction`` (``Vector3f``, x_{k-1}
+    to x_k) and ``pdf`` (its BSDF pdf).
     """
 
     path: PathRecord
@@ -86,11 +93,11 @@ def at_vertex(
         Lanes that have one.
     """
     criterion = mapping.criterion
-    kind, k = kind_of(path), reconnection_index(path)
+    kind, k, following = kind_of(path), reconnection_index(path), continuation_of(path)
     far, nee, hit = kind == kinds.FAR, kind == kinds.NEE, kind == kinds.HIT
     by_numbers = kind == kinds.REPLAY_NEE
     onward = active & (far | nee | hit)
-    ahead = active & (far | hit) & exists(path.next.vertex)
+    ahead = active & (far | hit) & exists(following.vertex)
     bsdf, bsdf_k = pivot.si.bsdf(), si_k.bsdf()
 
     # ------------------------------ light samples and x_{k-1} -> x_k ----------------------------
@@ -112,11 +119,11 @@ def at_vertex(
 
     # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
 
-    ray_n, pi_n = seen_from(path.next.vertex, si_k.p, pivot.lambdas)
+    ray_n, pi_n = seen_from(following.vertex, si_k.p, pivot.lambdas)
     si_n = pi_n.compute_surface_interaction(ray_n, active=ahead)
     wo = dr.select(nee, light.d, dr.select(ahead, ray_n.d, path.wo))
     value_k, pdf_k = evaluate(si_k, bsdf_k, wo, onward)
-    value_n, pdf_n = evaluate(si_n, si_n.bsdf(), path.next.wo, ahead & far)
+    value_n, pdf_n = evaluate(si_n, si_n.bsdf(), following.wo, ahead & far)
     geometry = dr.abs(dr.dot(si_n.n, ray_n.d)) / dr.square(pi_n.t)
 
     # The pair before the pivot must stay unconnectable with the new direction, and x_k connectable.
@@ -158,7 +165,7 @@ def at_vertex(
 
     # ------------------------------ visibility --------------------------------------------------
 
-    end = dr.select(ahead, path.next.vertex.p, light.p)
+    end = dr.select(ahead, following.vertex.p, light.p)
     shadow = dr.select(
         by_numbers,
         pivot.si.spawn_ray_to(end),
@@ -170,7 +177,7 @@ def at_vertex(
 
 def _through(path: PathRecord, value: Any, pdf: Any) -> Any:
     """Light that a ``FAR`` path sends from x_{k+1} to x_k, by its kind as seen from x_{k+1}."""
-    kind, following = next_kind_of(path), path.next
+    kind, following = next_kind_of(path), continuation_of(path)
     scattered = dr.select(pdf > 0, value / pdf, 0) * following.radiance
     scattered = dr.select(
         kind == kinds.HIT, scattered * balance(pdf, following.light_pdf), scattered

@@ -1,4 +1,4 @@
-"""The vertex that a mutation pivots on: the last one before the reconnection vertex, replayed once."""
+"""The vertex that a mutation pivots on: the last before the reconnection vertex, replayed once."""
 
 from __future__ import annotations
 
@@ -10,7 +10,14 @@ import mitsuba as mi
 
 from ..paths import record as kinds
 from ..paths.primary_hit import PrimaryHit
-from ..paths.record import PathRecord, edge_count, kind_of, next_kind_of, reconnection_index
+from ..paths.record import (
+    PathRecord,
+    continuation_of,
+    edge_count,
+    kind_of,
+    next_kind_of,
+    reconnection_index,
+)
 from ..paths.spectrum import wavelengths
 from ..paths.vertex import exists
 from ..sampling.streams import Stream, path_stream
@@ -18,11 +25,10 @@ from .connectability import Link, link
 from .mapping import OK, ShiftMapping
 from .replay import replay
 
-
 CLASSES = ("none", "E", "A", "B", "C1", "C2", "D", "E1")
-"""What follows the moved vertex: A a surface, B a sampled light, C1 a light found by a bounce, C2 the
-environment found by a bounce, D nothing (it is on the light), E1 the numbers of a sampled light are
-moved instead, E nothing can be moved, none: no path."""
+"""What follows the moved vertex: A a surface, B a sampled light, C1 a light found by a bounce, C2
+the environment found by a bounce, D nothing (it is on the light), E1 the numbers of a sampled light
+are moved instead, E nothing can be moved, none: no path."""
 
 
 @dataclass
@@ -57,7 +63,7 @@ def movable(path: PathRecord) -> Any:
 
 def mutation_class(path: PathRecord) -> Any:
     """Index into :data:`CLASSES` of what a mutation of the path would keep (``UInt32``)."""
-    kind, following = kind_of(path), path.next
+    kind, following = kind_of(path), continuation_of(path)
     named = {
         kinds.EMPTY: 0,
         kinds.REPLAY_HIT: 1,
