@@ -21,8 +21,8 @@ from mitsuba_restir.studies import Study, cache, load_study, run
 from mitsuba_restir.studies.notebook import Results
 from mitsuba_restir.studies.rendering import Renderer
 from mitsuba_restir.studies.report.headline import headline
-from mitsuba_restir.studies.report.pictures import diverging, sequential
-from mitsuba_restir.studies.results import Row
+from mitsuba_restir.studies.report.pictures import diverging, galleries, sequential
+from mitsuba_restir.studies.results import Measured, ReferenceImage, Row, Run
 
 STUDY = """
 name = "drawn"
@@ -104,6 +104,23 @@ def test_maps_have_the_colours_they_say() -> None:
     assert np.all(np.diff(brightness) > 0)
 
 
+def test_a_bias_is_seen(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    truth = np.full((32, 32, 3), 0.5)
+    noise = 0.05 * rng.standard_normal((8, 32, 32, 3))
+    noise[:, :8, :8] += 0.05
+    images = [(truth + e).astype(np.float32) for e in noise]
+    runs = {"a": [Run(image, image, np.zeros(1)) for image in images]}
+    reference = ReferenceImage(truth, np.zeros_like(truth))
+    data = Measured("32x32", runs, "a", {}, reference, 0.01, 0.0)
+    (bias,) = (gallery for gallery in galleries(data) if gallery.key == "bias")
+    blocks = bias.pictures["a"][::4, ::4]
+    full = diverging(np.ones((1, 1)))[0, 0]
+    beyond = np.all(blocks == full, axis=2)
+    assert beyond[0, 0]
+    assert beyond.sum() == 1
+
+
 def test_the_report_is_one_file(results: Results) -> None:
     page = results.report()
     text = page.read_text("utf-8")
@@ -120,6 +137,8 @@ def test_the_report_is_one_file(results: Results) -> None:
     figures = {f.name for f in (results.path / "figures" / "64x40").iterdir()}
     assert {"radial_spectrum.svg", "radial_spectrum.png", "convergence_frames.svg"} <= figures
     assert {f"images_{name}.png" for name in ("plain", "better", "reference")} <= figures
+    frames = {f.name for f in (results.path / "frames" / "64x40").iterdir()}
+    assert frames == {"plain.exr", "better.exr", "reference.exr"}
     # The same numbers make the same page, byte for byte.
     assert page.read_bytes() == results.report().read_bytes()
 

@@ -12,6 +12,7 @@ from ...analysis import spectrum
 from ...analysis.covariance_images import covariance_map
 from ...analysis.denoise import denoise
 from ...analysis.images import luminance, smoothed_reference
+from ...analysis.units import block_sums
 from ...imageio import to_srgb8
 from ..results import Measured, Run
 
@@ -19,6 +20,9 @@ Picture = npt.NDArray[np.uint8]
 
 _ERROR_SCALE = 2.0
 _PERCENTILE = 99.0
+_BLOCK = 8
+_SCORE = 4.0
+_LEAST_RUNS = 4
 # Anchors of two perceptually ordered maps: dark to bright, and blue over white to red.
 _SEQUENTIAL = np.array(
     [[4, 4, 20], [66, 15, 117], [147, 38, 103], [221, 81, 58], [252, 165, 10], [252, 255, 164]]
@@ -58,6 +62,7 @@ def galleries(data: Measured) -> list[Gallery]:
     if data.reference is not None:
         found.append(_denoised(data, shown, scale))
         found.append(_errors(data, shown))
+        found.append(_bias(data, shown))
         found.append(_covariances(data, shown))
         found.append(_spectra(data, shown))
     return [gallery for gallery in found if gallery.pictures]
@@ -98,6 +103,29 @@ def _errors(data: Measured, shown: dict[str, Sequence[Run]]) -> Gallery:
         f"too bright, full colour at ±{100 * _ERROR_SCALE:.0f} %."
     )
     return Gallery("errors", "Error maps", about, pictures)
+
+
+def _bias(data: Measured, shown: dict[str, Sequence[Run]]) -> Gallery:
+    """Means of blocks, whose noise is nearly normal, against the reference's."""
+    assert data.reference is not None
+    truth = block_sums(luminance(data.reference.image)[..., None], _BLOCK)[0]
+    # Of the luminance: an upper bound, as if the channels' errors were one.
+    spread = luminance(np.sqrt(data.reference.variance)) ** 2
+    known = block_sums(spread[..., None], _BLOCK)[0]
+    pictures = {}
+    for name, runs in shown.items():
+        if len(runs) < _LEAST_RUNS:
+            continue
+        sums = np.stack([block_sums(luminance(run.mean)[..., None], _BLOCK)[0] for run in runs])
+        error = np.sqrt(sums.var(axis=0, ddof=1) / len(runs) + known)
+        score = ((sums.mean(axis=0) - truth) / np.maximum(error, 1e-30))[..., 0]
+        pictures[name] = np.kron(diverging(score / _SCORE), np.ones((4, 4, 1), dtype=np.uint8))
+    about = (
+        f"Mean of all frames and runs against the reference in blocks of {_BLOCK} pixels, over its "
+        f"standard error: full colour at ±{_SCORE:.0f}. Without a bias one block in 20 is beyond "
+        "2; colours that keep together are a bias, or a distribution with a heavy tail."
+    )
+    return Gallery("bias", "Bias", about, pictures)
 
 
 def _covariances(data: Measured, shown: dict[str, Sequence[Run]]) -> Gallery:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...imageio import encode_png
+from ...imageio import encode_exr, encode_png
 from ..arrays import make_folder
 from ..config import Study
 from ..files import dump_study
@@ -50,8 +50,8 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
     Returns
     -------
     Path
-        The page. Beside it are ``figures/`` (PNG and SVG) and, where every frame was kept,
-        ``curves.csv``.
+        The page. Beside it are ``figures/`` (PNG and SVG), ``frames/`` (EXR) and, where every
+        frame was kept, ``curves.csv``.
 
     Raises
     ------
@@ -72,6 +72,7 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
             drawings = {}
             notes.append(f"There are no figures: {error}")
         _write_pictures(folder, data.size, shown)
+        _write_frames(folder, data)
         top = headline(table.rows, data.size, folder.study.published)
         parts.append(Part(data.size, top, data.baseline, shown, drawings))
     if lines:
@@ -143,6 +144,16 @@ def _drawings(
             unique = unique.replace(link, f"{link}{data.size}_{key}_")
         result[caption] = unique
     return result
+
+
+def _write_frames(folder: StudyFolder, data: Measured) -> None:
+    """Write the frames that the report shows as they were rendered."""
+    images = {name: runs[0].last for name, runs in data.runs.items() if runs}
+    if data.reference is not None and images:
+        images["reference"] = data.reference.image.astype(np.float32)
+    for name, image in images.items():
+        make_folder(folder.path / "frames" / data.size)
+        folder.write(str(Path("frames") / data.size / f"{name}.exr"), encode_exr(image))
 
 
 def _write_pictures(folder: StudyFolder, size: str, shown: list[Gallery]) -> None:
