@@ -208,6 +208,6 @@ def test_a_moving_camera_arrives_at_the_view(tmp_path: Path) -> None:
     for name in ("path", "restir"):
         ratio = rows[name, "mean ratio"]
         assert abs(ratio.value - 1.0) < 4.0 * ratio.standard_error + 0.01
-    assert 0.3 < rows["restir", "matched"].value <= 1.0
+    assert 0.3 < rows["restir", "matched"].value < 0.95
     with pytest.raises(UsageError, match="frames must be 1"):
         load_study(str(path), ["frames=2"])

@@ -40,8 +40,10 @@ class _Task:
         return make_renderer(self.study, scene, self.size, self.variant, variant)
 
     def frames(self, renderer: Renderer, first: int, count: int) -> None:
+        last = self.warmup + self.study.frames - 1
         for frame in range(first, first + count):
-            renderer.frame(seed_of(self.study.seed, _PROBE_KEY, self.index, frame))
+            seed = seed_of(self.study.seed, _PROBE_KEY, self.index, frame)
+            renderer.frame_before_last(seed, max(last - frame, 0))
 
     @property
     def pixels(self) -> int:
