@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from .. import __version__
 from ..errors import RestirError, one_line, root
-from . import compare, doctor, mask, render, scenes
+from . import compare, doctor, evaluate, mask, render, scenes
 from .arguments import OneLineParser
 
 INTERRUPTED = 130
@@ -24,7 +24,7 @@ def build_parser() -> OneLineParser:
     )
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for module in (render, compare, mask, scenes, doctor):
+    for module in (render, compare, evaluate, mask, scenes, doctor):
         module.add_command(commands)
     return parser
 
