@@ -31,9 +31,7 @@ CONTROLS = {
     "jacobian is one": Control(
         (
             Mutation(
-                "shifts.hybrid",
-                "_finish",
-                "dr.select(defined, factor / path.jacobian, 1)",
+                "dr.select(defined, jacobian, 1)",
                 "mi.Float(1)",
             ),
         ),
@@ -44,8 +42,6 @@ CONTROLS = {
     "geometry term": Control(
         (
             Mutation(
-                "shifts.connectability",
-                "link",
                 "start.pdf * dr.select(valid, cos_end / distance2, 1.0)",
                 "dr.select(start.pdf * cos_end > 0, start.pdf, 0)",
             ),
@@ -57,8 +53,6 @@ CONTROLS = {
     "pdf at the vertex before reconnection": Control(
         (
             Mutation(
-                "shifts.connectability",
-                "link",
                 "start.pdf * dr.select(valid, cos_end / distance2, 1.0)",
                 "dr.select(start.pdf > 0, dr.select(valid, cos_end / distance2, 1.0), 0)",
             ),
@@ -69,10 +63,8 @@ CONTROLS = {
     ),
     "pdf at the reconnection vertex": Control(
         (
-            Mutation("shifts.hybrid", "_jacobian_factor", "dr.select(sampled, pdf_k, 1)", "1"),
+            Mutation("dr.select(sampled, pdf_k, 1)", "1"),
             Mutation(
-                "passes.initial",
-                "_tree",
                 "arrival.jacobian * bounce.pdf",
                 "mi.Float(arrival.jacobian)",
             ),
@@ -84,10 +76,8 @@ CONTROLS = {
     "pairwise weight of the neighbour": Control(
         (
             Mutation(
-                "passes.spatial",
-                "spatial",
-                "contribution = m_other * forward.jacobian",
-                "contribution = forward.jacobian",
+                "m_other * forward.jacobian",
+                "forward.jacobian",
             ),
         ),
         "room",
@@ -97,8 +87,6 @@ CONTROLS = {
     "pairwise weight of the canonical sample": Control(
         (
             Mutation(
-                "passes.spatial",
-                "spatial",
                 "dr.select(valid, m_own, 0)",
                 "dr.select(valid, mi.Float(1), 0)",
             ),
@@ -110,8 +98,6 @@ CONTROLS = {
     "temporal weight of the history": Control(
         (
             Mutation(
-                "passes.temporal",
-                "temporal",
                 "m_previous * target(forward.color)",
                 "target(forward.color)",
             ),
@@ -121,19 +107,19 @@ CONTROLS = {
         64,
     ),
     "balance of light and BSDF sampling": Control(
-        (Mutation("paths.scattering", "nee_weight", "balance(light_pdf, scatter_pdf)", "1"),),
+        (Mutation("balance(light_pdf, scatter_pdf)", "1"),),
         "room",
         "candidates_4",
         128,
     ),
     "balance at a shifted light": Control(
-        (Mutation("shifts.hybrid", "_ending", "e.emitted * balance(e.pdf, e.emitted_pdf)", "e.emitted"),),
+        (Mutation("e.emitted * balance(e.pdf, e.emitted_pdf)", "e.emitted"),),
         "room",
         (0, 4),
         1024,
     ),
     "visibility of the reconnection": Control(
-        (Mutation("shifts.hybrid", "_finish", "dr.select(occluded, OCCLUDED, outcome)", "outcome"),),
+        (Mutation("dr.select(occluded, OCCLUDED, outcome)", "outcome"),),
         "room",
         (0, 4),
         256,
@@ -141,8 +127,6 @@ CONTROLS = {
     "invertibility of the replay": Control(
         (
             Mutation(
-                "shifts.replay",
-                "replay",
                 "connectable = ~bounce.delta & (bounce.pdf <= arrival.limit)",
                 "connectable = mi.Bool(False)",
             ),
@@ -154,8 +138,6 @@ CONTROLS = {
     "invertibility at the head": Control(
         (
             Mutation(
-                "shifts.hybrid",
-                "_finish",
                 "dr.select(by_hit, arrival.reaches, pdf <= arrival.limit)",
                 "by_hit & arrival.reaches",
             ),
@@ -165,7 +147,7 @@ CONTROLS = {
         256,
     ),
     "connectability of the new pair": Control(
-        (Mutation("shifts.hybrid", "_finish", "(outcome == OK) & ~fits", "mi.Bool(False)"),),
+        (Mutation("(outcome == OK) & ~fits", "mi.Bool(False)"),),
         "far_room",
         (5, 0),
         256,
@@ -173,8 +155,6 @@ CONTROLS = {
     "roulette": Control(
         (
             Mutation(
-                "passes.initial",
-                "_tree",
                 "survival *= dr.select(roulette, chance, 1)",
                 "survival = mi.Float(survival)",
             ),

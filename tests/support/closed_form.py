@@ -44,8 +44,10 @@ def _rgb(value: tuple[float, float, float]) -> dict[str, Any]:
 
 def _geometric(first: float, ratio: float, terms: int) -> float:
     """first (1 + ratio + ... ), ``terms`` terms (-1: all)."""
-    return first * terms if ratio == 1 else first * (1 - ratio ** (terms if terms >= 0 else 1e9)) / (
-        1 - ratio
+    return (
+        first * terms
+        if ratio == 1
+        else first * (1 - ratio ** (terms if terms >= 0 else 1e9)) / (1 - ratio)
     )
 
 

@@ -21,12 +21,13 @@ import pytest
 _NUMBER = itertools.count()
 
 
+_PACKAGES = ("paths", "shifts", "resampling", "passes")
+
+
 @dataclass(frozen=True)
 class Mutation:
-    """In ``module`` (below ``mitsuba_restir``), ``function``: ``old`` becomes ``new``."""
+    """In the one function of the core that has the text ``old``, it becomes ``new``."""
 
-    module: str
-    function: str
     old: str
     new: str
 
@@ -34,28 +35,45 @@ class Mutation:
 def apply(monkeypatch: pytest.MonkeyPatch, mutations: tuple[Mutation, ...]) -> None:
     """Put mutants in the place of the originals, in every module that imported them."""
     for mutation in mutations:
-        module = sys.modules[f"mitsuba_restir.{mutation.module}"]
-        original = getattr(module, mutation.function)
+        found = [
+            (module, function)
+            for module in _modules()
+            for function in vars(module).values()
+            if inspect.isfunction(function)
+            and function.__module__ == module.__name__
+            and mutation.old in inspect.getsource(function)
+        ]
+        assert len(found) == 1, f"{len(found)} functions have the text {mutation.old!r}"
+        ((module, original),) = found
         mutant = _mutant(module, original, mutation)
-        for name, other in list(sys.modules.items()):
-            if not name.startswith("mitsuba_restir"):
-                continue
+        for other in [sys.modules[name] for name in sys.modules if name in _everywhere()]:
             for key, value in list(vars(other).items()):
                 if value is original:
                     monkeypatch.setattr(other, key, mutant)
 
 
+def _everywhere() -> list[str]:
+    return [name for name in sys.modules if name.split(".")[0] in ("mitsuba_restir", "support")]
+
+
+def _modules() -> list[Any]:
+    return [
+        sys.modules[name]
+        for name in _everywhere()
+        if name.startswith(tuple(f"mitsuba_restir.{package}." for package in _PACKAGES))
+    ]
+
+
 def _mutant(module: Any, original: Callable[..., Any], mutation: Mutation) -> Callable[..., Any]:
     source = textwrap.dedent(inspect.getsource(original))
-    found = source.count(mutation.old)
-    assert found == 1, f"{mutation.function} has {found} times the text {mutation.old!r}"
+    assert source.count(mutation.old) == 1, f"{original.__name__} has it twice: {mutation.old!r}"
     source = source.replace(mutation.old, mutation.new)
     # Dr.Jit reads the source of symbolic loops again, so the mutant needs a place to be read from.
-    filename = f"<mutant {next(_NUMBER)} of {mutation.function}>"
+    filename = f"<mutant {next(_NUMBER)} of {original.__name__}>"
     header = "from __future__ import annotations\n"
     text = header + source
     linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)
     names = dict(vars(module))
     names["dr"] = dr
     exec(compile(text, filename, "exec"), names)
-    return names[mutation.function]
+    return names[original.__name__]

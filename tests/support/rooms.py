@@ -90,7 +90,10 @@ def room(lens: bool = False, light_in_view: bool = False) -> Scene:
         },
         "metal": {
             "type": "cube",
-            "to_world": transform().translate([-0.4, 0.6, -0.4]).rotate([0, 1, 0], 20).scale([0.25, 0.6, 0.25]),
+            "to_world": transform()
+            .translate([-0.4, 0.6, -0.4])
+            .rotate([0, 1, 0], 20)
+            .scale([0.25, 0.6, 0.25]),
             "bsdf": {"type": "roughconductor", "material": "Al", "alpha": 0.2},
         },
         "ball": {
@@ -109,7 +112,9 @@ def open_room(distance: float = CAMERA[0][2]) -> Scene:
     reconnected, and which do depends on the pixel.
     """
     view = sensor(fov=float(2 * np.degrees(np.arctan(1.0 / (distance - 1.0)))))
-    view["to_world"] = look([0.3 * distance / 3.4, 1.0 + 0.3 * distance / 3.4, distance], [0, 0.9, 0])
+    view["to_world"] = look(
+        [0.3 * distance / 3.4, 1.0 + 0.3 * distance / 3.4, distance], [0, 0.9, 0]
+    )
     return {
         "type": "scene",
         "sensor": view,
@@ -152,4 +157,3 @@ def grooves(alpha: float = 0.2, period: float = 0.16) -> Scene:
                 "bsdf": metal,
             }
     return scene
-

@@ -28,9 +28,7 @@ FAILURES = Path(__file__).resolve().parents[2] / "out" / "test-failures"
 
 
 def integrator(max_depth: int, mode: Mode, **extra: Any) -> Any:
-    return mi.load_dict(
-        {"type": "restir_pt", "max_depth": max_depth, **mode.parameters, **extra}
-    )
+    return mi.load_dict({"type": "restir_pt", "max_depth": max_depth, **mode.parameters, **extra})
 
 
 def independent_runs(
@@ -63,9 +61,7 @@ def bias_report(
 ) -> BiasReport:
     """Test of the mean of ``count`` runs."""
     stack = batch_means(itertools.islice(runs, count), count // BATCHES)
-    return unbiasedness_test(
-        stack, reference, variance, blocks=blocks, alpha=ALPHA, floor=3e-5
-    )
+    return unbiasedness_test(stack, reference, variance, blocks=blocks, alpha=ALPHA, floor=3e-5)
 
 
 def assert_unbiased(report: BiasReport, name: str, power: float) -> None:

@@ -3,8 +3,9 @@
 Let x be a resampled path of pixel i with weight W, y = T(x) its shift to pixel j, and m the balance
 weight of "shifted from i" against "sampled in j". Then for every pair of pixels
 
-    E[ m(y) F_j(y) |J| W_x ]  =  E[ m(y') F_j(y') W_y' ],      y' a resampled path of pixel j itself,
+    E[ m(y) F_j(y) |J| W_x ]  =  E[ m(y') F_j(y') W_y' ],
 
+where y' is a resampled path of pixel j itself,
 because both are the integral of m F_j over the paths that both pixels can make. Spatial reuse is
 built on this identity, and averages its errors over random neighbours, which hides most of them:
 what is lost to the right is gained from the left. Here every pixel looks at the neighbour at one
@@ -46,13 +47,23 @@ def candidates(
 
 
 def neighbour(scene: mi.Scene, offset: tuple[int, int]) -> tuple[Any, Any]:
-    """Index of the pixel at a fixed offset (columns, rows) from each pixel, and whether it exists."""
+    """Index of the pixel at an offset (columns, rows) from each pixel, and whether it exists."""
     width, height = scene.sensors()[0].film().crop_size()
     pixel = dr.arange(mi.UInt32, width * height)
     x = mi.Int32(pixel % width) + offset[0]
     y = mi.Int32(pixel // width) + offset[1]
     inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
     return dr.select(inside, mi.UInt32(y * width + x), 0), inside
+
+
+def recorded_shift(mapping: Any) -> Any:
+    """The shift as a function of (scene, path, hits, active), recorded once."""
+
+    @dr.freeze
+    def shift(scene: mi.Scene, path: Any, hits: PrimaryHit, active: Any) -> hybrid.Shifted:
+        return hybrid.shift(scene, None, path, hits, mapping, active)
+
+    return shift
 
 
 def transport_errors(
