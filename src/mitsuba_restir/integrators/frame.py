@@ -35,11 +35,26 @@ class History:
 
 
 @dataclass
+class Sampled:
+    """A frame after temporal reuse.
+
+    Fields: ``reservoirs``, ``outcomes`` (list of ``UInt32``: outcomes of the temporal shifts),
+    ``matched`` (``Bool``: pixels that found their history), ``flow`` (``Vector2f``, previous minus
+    current film position [pixels]).
+    """
+
+    reservoirs: Reservoir
+    outcomes: list[Any]
+    matched: Any
+    flow: Any
+
+
+@dataclass
 class Frame:
     """A rendered frame.
 
     Fields: ``color`` (``Color3f``), ``alpha`` (``Float``), ``auxiliary`` (list of ``Float``),
-    ``outcomes`` (per reuse pass a list of ``UInt32``: shift outcomes, 3 bits a shift), ``matched``
+    ``outcomes`` (of the temporal pass and of each spatial round, 3 bits a shift), ``matched``
     (``Bool``: pixels that found their history), ``mutated`` (:class:`Mutated`, if there were
     mutations), ``history`` (:class:`History`).
     """
@@ -87,42 +102,45 @@ def no_history(pixels: int, continued: bool) -> History:
     return history
 
 
-def frame_renderer(plan: Plan) -> Callable[..., Frame]:
-    """:func:`render_frame` with the plan bound, recorded once and replayed from then on.
+class Stage:
+    """A stage of the frame with the plan bound, recorded once and replayed from then on.
 
-    Freezing skips re-tracing the Python code; the kernels are the same, so the images are too.
-    Spectral variants cannot be frozen: Mitsuba 3.9 keeps its colour matching tables out of sight.
+    Freezing skips re-tracing the Python code; the kernels are the same, so the images are too. Some
+    scenes cannot be recorded, because Mitsuba 3.9 does not expose all of their state (a bitmap on
+    an area light; the colour matching tables of spectral variants): they are traced every frame.
     """
 
-    def renderer(
-        scene: mi.Scene,
-        sensor: mi.Sensor | None,
-        now: Primary,
-        history: History,
-        camera: Camera | None,
-        tile: PairingTile,
-        sample: Any,
-        seed: Any,
-        spp: Any,
-    ) -> Frame:
-        return render_frame(plan, scene, sensor, now, history, camera, tile, sample, seed, spp)
+    def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
+        def bound(*inputs: Any) -> Any:
+            return stage(plan, *inputs)
 
-    return renderer if mi.is_spectral else dr.freeze(renderer)
+        self._traced = bound
+        self._recorded = None if mi.is_spectral else dr.freeze(bound)
+
+    def __call__(self, *inputs: Any) -> Any:
+        """Run the stage on its inputs (plain data)."""
+        if self._recorded is not None:
+            try:
+                return self._recorded(*inputs)
+            except RuntimeError as error:
+                if "record" not in str(error):
+                    raise
+                self._recorded = None
+        return self._traced(*inputs)
 
 
-def render_frame(
+def sample_paths(
     plan: Plan,
     scene: mi.Scene,
     sensor: mi.Sensor | None,
     now: Primary,
     history: History,
     camera: Camera | None,
-    tile: PairingTile,
     sample: Any,
     seed: Any,
     spp: Any,
-) -> Frame:
-    """Render one frame from its primary hits.
+) -> Sampled:
+    """First half of a frame: candidates and temporal reuse. The history is not needed after it.
 
     Parameters
     ----------
@@ -134,45 +152,64 @@ def render_frame(
         What the previous frame left.
     camera : Camera or None
         The previous frame's camera; None where the sensor's history cannot be followed.
-    tile : PairingTile
-        Partners for spatial reuse.
     sample, seed, spp : UInt32
         Running number of the frame's first sample, the user's seed, candidate trees per pixel.
     """
     parameters, mapping = plan.parameters, plan.mapping
-    size = (dr.opaque(mi.UInt32, plan.width), dr.opaque(mi.UInt32, plan.height))
     reservoirs = initial(
         scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping, parameters.mutations > 0
     )
     dr.eval(reservoirs)
+    if not parameters.temporal or camera is None:
+        nowhere = dr.zeros(mi.Bool, plan.width * plan.height)
+        return Sampled(reservoirs, [], nowhere, mi.Vector2f(0))
 
-    outcomes: list[Any] = []
-    matched = dr.zeros(mi.Bool, plan.width * plan.height)
-    flow = mi.Vector2f(0)
-    if parameters.temporal and camera is not None:
-        motion = reproject(now, history.hits, camera, size)
-        matched, flow = motion.valid, motion.flow
-        before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
-        hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
-        if parameters.retrace_history:
-            before = retrace(scene, sensor, before, hit_before, mapping, motion.valid)
-            dr.eval(before)
-        reservoirs, outcome = temporal(
-            scene,
-            sensor,
-            reservoirs,
-            now.hit,
-            before,
-            hit_before,
-            motion.valid,
-            parameters.confidence_cap,
-            sample,
-            seed,
-            mapping,
-        )
-        outcomes.append([outcome])
-        dr.eval(reservoirs, outcome, matched, flow)
+    motion = reproject(now, history.hits, camera, _size(plan))
+    before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
+    hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
+    if parameters.retrace_history:
+        before = retrace(scene, sensor, before, hit_before, mapping, motion.valid)
+        dr.eval(before)
+    reservoirs, outcome = temporal(
+        scene,
+        sensor,
+        reservoirs,
+        now.hit,
+        before,
+        hit_before,
+        motion.valid,
+        parameters.confidence_cap,
+        sample,
+        seed,
+        mapping,
+    )
+    flow = motion.flow if parameters.aovs else mi.Vector2f(0)
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow)
+    dr.eval(sampled)
+    return sampled
 
+
+def share_paths(
+    plan: Plan,
+    scene: mi.Scene,
+    sensor: mi.Sensor | None,
+    now: Primary,
+    sampled: Sampled,
+    tile: PairingTile,
+    sample: Any,
+    seed: Any,
+) -> Frame:
+    """Second half of a frame: mutations, spatial reuse and shading.
+
+    Parameters
+    ----------
+    sampled : Sampled
+        What the first half left.
+    tile : PairingTile
+        Partners for spatial reuse.
+    """
+    parameters, mapping = plan.parameters, plan.mapping
+    reservoirs, outcomes = sampled.reservoirs, [sampled.outcomes]
     mutated = None
     if parameters.mutations > 0:
         reservoirs, mutated = decorrelate(
@@ -195,31 +232,38 @@ def render_frame(
         choices = neighbor_choices(round_number, sample, seed)
         exchanged = []
         for index in range(parameters.spatial_neighbors):
-            number = dr.opaque(mi.UInt32, index)
-            exchanged.append(
-                exchange(
-                    scene,
-                    sensor,
-                    reservoirs,
-                    now.hit,
-                    size,
-                    tile,
-                    number,
-                    parameters.spatial_neighbors,
-                    choices,
-                    mapping,
-                )
+            theirs = exchange(
+                scene,
+                sensor,
+                reservoirs,
+                now.hit,
+                _size(plan),
+                tile,
+                dr.opaque(mi.UInt32, index),
+                parameters.spatial_neighbors,
+                choices,
+                mapping,
             )
-            dr.eval(exchanged[-1])
+            dr.eval(theirs)
+            exchanged.append(theirs)
         reservoirs, color = merge(reservoirs, exchanged, round_number, sample, seed)
         outcomes.append([theirs.outcome for theirs in exchanged])
         dr.eval(reservoirs, color)
 
     color += now.emitted
-    extra = auxiliary(
-        [kind for _, kind in parameters.aovs], now.hit, flow, reservoirs.confidence
-    )
+    kinds = [kind for _, kind in parameters.aovs]
+    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence)
     dr.eval(color, extra)
     return Frame(
-        color, now.alpha, extra, outcomes, matched, mutated, History(reservoirs, now.hit)
+        color,
+        now.alpha,
+        extra,
+        outcomes,
+        sampled.matched,
+        mutated,
+        History(reservoirs, now.hit),
     )
+
+
+def _size(plan: Plan) -> tuple[Any, Any]:
+    return dr.opaque(mi.UInt32, plan.width), dr.opaque(mi.UInt32, plan.height)

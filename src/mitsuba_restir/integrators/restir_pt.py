@@ -21,7 +21,7 @@ from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import OUTCOMES, shift_mapping
 from ..shifts.pivot import CLASSES
 from .border import check_scene, check_sensor, check_variant
-from .frame import Frame, History, Plan, frame_renderer, no_history
+from .frame import Frame, History, Plan, Stage, no_history, sample_paths, share_paths
 from .parameters import read_parameters
 
 NEAR_FRACTION = 0.03
@@ -178,6 +178,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         spp = spp or sensor.sampler().sample_count()
         with dr.suspend_grad():
             self._prepare(scene, sensor)
+            self._frame = None
             sample, seed = dr.opaque(mi.UInt32, self._sample), mi.UInt32(seed)
             dr.make_opaque(seed)
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
@@ -185,17 +186,22 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             # all of its state to it.
             now = primary(scene, sensor, sample, seed, skip_emitters)
             dr.eval(now)
+            spectral_sensor = sensor if mi.is_spectral else None
             with _collection_paused():
-                frame = self._render_frame(
+                sampled = self._sample_paths(
                     scene,
-                    sensor if mi.is_spectral else None,
+                    spectral_sensor,
                     now,
                     self._history,
                     self._camera,
-                    self._tile,
                     sample,
                     seed,
                     dr.opaque(mi.UInt32, spp),
+                )
+                # The old history is released here, so that it does not count at the frame's peak.
+                self._history = None
+                frame = self._share_paths(
+                    scene, spectral_sensor, now, sampled, self._tile, sample, seed
                 )
             self._history = frame.history
             if self._camera is not None:
@@ -225,12 +231,10 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         """
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
-        passes = ["temporal"] if len(self._frame.outcomes) > self._spatial_rounds() else []
-        passes += [f"spatial_{i}" for i in range(self._spatial_rounds())]
-        shares = {
-            name: _outcome_shares(packed, 2 if name == "temporal" else 1)
-            for name, packed in zip(passes, self._frame.outcomes, strict=True)
-        }
+        temporal, *rounds = self._frame.outcomes
+        shares = {"temporal": _outcome_shares(temporal, 2)} if temporal else {}
+        for index, packed in enumerate(rounds):
+            shares[f"spatial_{index}"] = _outcome_shares(packed, 1)
         statistics = {"matched": float(dr.mean(mi.Float(self._frame.matched))[0]), **shares}
         if self._frame.mutated is not None:
             statistics["mutations"] = _mutation_shares(
@@ -241,9 +245,6 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     def to_string(self) -> str:
         """The integrator and its parameters as text."""
         return f"ReSTIRPTIntegrator[{self.parameters}]"
-
-    def _spatial_rounds(self) -> int:
-        return self.parameters.spatial_rounds if self.parameters.spatial else 0
 
     def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
         """Check the inputs and start a new history where the old one does not fit."""
@@ -278,7 +279,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             shape[1],
             shape[2],
         )
-        self._render_frame = frame_renderer(self._plan)
+        self._sample_paths = Stage(sample_paths, self._plan)
+        self._share_paths = Stage(share_paths, self._plan)
 
     def _develop(self, film: mi.Film, frame: Frame) -> mi.TensorXf:
         film.prepare(self.aov_names())

@@ -1,0 +1,340 @@
+"""Mutations leave every pixel's expectation alone, and each of their factors is needed for that.
+
+A mutation never changes the luminance of its own pixel, whatever is wrong with it, so the tests look
+elsewhere: through a neighbour's target function (the transport identity), at the image after spatial
+reuse, per colour channel, and at the distribution of the chain's states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from scipy import stats
+from support import references
+from support.modes import Mode
+from support.mutants import Mutation, apply
+from support.runs import assert_unbiased, bias_report, independent_runs, integrator
+from support.transport import transport_report
+from test_unbiased import ROOM, check, edited, moving_camera
+
+from mitsuba_restir.passes import decorrelate as pass_module
+from mitsuba_restir.passes.decorrelate import decorrelate, metropolis_hastings
+from mitsuba_restir.paths.spectrum import target
+from mitsuba_restir.shifts.pivot import CLASSES, movable
+
+STEP = 0.2
+
+# ------------------------------ invariance of the own luminance ---------------------------------
+
+RULES = {
+    "metropolis": metropolis_hastings,
+    "always": lambda current, proposed, transition: mi.Float(1),
+    "rarely": lambda current, proposed, transition: mi.Float(0.05),
+    "brighter only": lambda current, proposed, transition: dr.select(
+        target(proposed.color) > target(current.color), mi.Float(1), 0
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ["room", "bsdfs", "envmap"])
+@pytest.mark.parametrize("rule", RULES)
+def test_own_luminance_is_invariant(rgb, name, rule):
+    case = references.CASES[name]
+    scene = case.load()
+    renderer = integrator(case.max_depth, Mode({"temporal": False, "spatial": False}), mutations=1)
+    renderer.render(scene, seed=3, spp=1)
+    before, hits = renderer._history.reservoirs, renderer._history.hits
+    after, mutated = decorrelate(
+        scene,
+        None,
+        before,
+        hits,
+        5,
+        STEP,
+        mi.UInt32(1),
+        mi.UInt32(2),
+        renderer._plan.mapping,
+        RULES[rule],
+    )
+    old = np.array(target(before.color) * before.weight)
+    new = np.array(target(after.color) * after.weight)
+    assert int(dr.sum(mutated.accepted)[0]) > 20
+    np.testing.assert_allclose(new, old, rtol=3e-5, atol=1e-12)
+
+
+# ------------------------------ expectations elsewhere ------------------------------------------
+
+
+@pytest.mark.parametrize("mutations", [1, 5, 20])
+@pytest.mark.parametrize(
+    ("name", "offset", "power"),
+    [("room", (0, 4), 0.01), ("grooves", (0, 5), 0.01), ("far_room", (5, 0), 0.005)],
+)
+def test_transport(rgb, name, offset, power, mutations):
+    case = references.CASES[name]
+    reference, _ = references.load(name)
+    report = transport_report(
+        case, offset, 512, reference, mutations=mutations, mutation_step=STEP
+    )
+    assert_unbiased(report, f"transport-{name}-mutations-{mutations}", power)
+
+
+@pytest.mark.parametrize("name", ["bsdfs", "emitters", "envmap", "shapes", "glossy_shapes"])
+def test_transport_zoo(rgb, name):
+    case = references.CASES[name]
+    reference, _ = references.load(name)
+    report = transport_report(case, (3, 2), 256, reference, mutations=3, mutation_step=STEP)
+    assert_unbiased(report, f"transport-{name}-mutations", 0.02)
+
+
+def mutating(mutations: int, frames: int = 3, **parameters: Any) -> Mode:
+    return Mode(
+        {
+            "spatial_radius": 6.0,
+            "mutations": mutations,
+            "mutation_step": STEP,
+            **parameters,
+        },
+        frames=frames,
+    )
+
+
+@pytest.mark.parametrize("mutations", [1, 5, 20])
+@pytest.mark.parametrize("name", ["room", "grooves"])
+def test_image(rgb, name, mutations):
+    check(name, mutating(mutations), *ROOM)
+
+
+@pytest.mark.parametrize("cap", [5.0, 50.0])
+def test_caps(rgb, cap):
+    check("room", mutating(5, frames=8, confidence_cap=cap), *ROOM)
+
+
+@pytest.mark.parametrize("name", ["room", "grooves"])
+def test_moving_camera(rgb, name):
+    mode = mutating(5)
+    scene = references.CASES[name].load()
+    check(name, mode, *ROOM, moving_camera(scene, mode.frames), scene)
+
+
+def test_light_switches_off(rgb):
+    scene = references.CASES["room"].load()
+    lights = [mi.Color3f(6, 5, 3.5), mi.Color3f(6, 5, 3.5), mi.Color3f(0)]
+    edit = edited(scene, "light.emitter.radiance.value", lights)
+    check("room_lamp_off", mutating(5, retrace_history=True), 512, 0.03, edit, scene)
+
+
+def test_light_moves(rgb):
+    scene = references.CASES["open_room_moved"].load()
+    places = [[0.3, 1.3, 0.2], [0.1, 1.2, 0.3], references.LAMP_MOVED]
+    edit = edited(scene, "lamp.position", places)
+    check("open_room_moved", mutating(5, retrace_history=True), *ROOM, edit, scene)
+
+
+def test_spectral(spectral):
+    check("room_spectral", mutating(3), *ROOM)
+
+
+# ------------------------------ the chain's own distribution ------------------------------------
+
+
+def chain_scene() -> mi.Scene:
+    """All pixels see the same point of a glossy floor under an environment."""
+    transform = mi.ScalarTransform4f
+    rng = np.random.default_rng(5)
+    sky = mi.Bitmap((0.2 + rng.random((8, 16, 3))).astype(np.float32))
+    return mi.load_dict(
+        {
+            "type": "scene",
+            "sensor": {
+                "type": "perspective",
+                "fov": 1e-3,
+                "to_world": transform().look_at([0, -3, 3], [0, 0, 0], [0, 0, 1]),
+                "film": {
+                    "type": "hdrfilm",
+                    "width": 128,
+                    "height": 128,
+                    "rfilter": {"type": "box"},
+                },
+                "sampler": {"type": "independent"},
+            },
+            "floor": {
+                "type": "rectangle",
+                "to_world": transform().scale(3),
+                "bsdf": {"type": "roughconductor", "alpha": 0.35},
+            },
+            "sky": {"type": "envmap", "bitmap": sky, "to_world": transform().rotate([1, 0, 0], 90)},
+        }
+    )
+
+
+def final_states(mutations: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (N, 3) of environment paths after a long chain, and the density's values there."""
+    scene = chain_scene()
+    renderer = integrator(2, Mode({"temporal": False, "spatial": False}), mutations=1)
+    renderer.render(scene, seed=1, spp=1)
+    plan, history = renderer._plan, renderer._history
+    after, mutated = decorrelate(
+        scene,
+        None,
+        history.reservoirs,
+        history.hits,
+        mutations,
+        0.3,
+        mi.UInt32(7),
+        mi.UInt32(8),
+        plan.mapping,
+        metropolis_hastings,
+    )
+    chosen = np.array(mutated.kind) == CLASSES.index("D")
+    return np.array(after.path.wo).T[chosen], chosen
+
+
+def expected_shares(azimuths: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Integral of the target function over cells of the hemisphere, normalised."""
+    scene = chain_scene()
+    fine = 32
+    phi = np.linspace(azimuths[0], azimuths[-1], fine * (len(azimuths) - 1) + 1)
+    z = np.linspace(heights[0], heights[-1], fine * (len(heights) - 1) + 1)
+    phi, z = np.meshgrid((phi[1:] + phi[:-1]) / 2, (z[1:] + z[:-1]) / 2)
+    r = np.sqrt(1 - z**2)
+    d = mi.Vector3f(*(a.ravel().astype(np.float32) for a in (r * np.cos(phi), r * np.sin(phi), z)))
+    origin = mi.Point3f(0, -3, 3)
+    si = scene.ray_intersect(mi.Ray3f(origin, dr.normalize(mi.Point3f(0, 0, 0) - origin)))
+    value, pdf = si.bsdf().eval_pdf(mi.BSDFContext(), si, si.to_local(d))
+    sky = scene.ray_intersect(si.spawn_ray(d))
+    ds = mi.DirectionSample3f(scene, sky, si)
+    light_pdf = scene.pdf_emitter_direction(si, ds)
+    radiance = ds.emitter.eval(sky)
+    # C p in solid angle; only directions with a pdf within the connectability limit belong to it.
+    density = mi.luminance(value * radiance) * pdf / (pdf + light_pdf)
+    density = dr.select((pdf > 0) & (pdf <= 1 / 0.2**2), density, 0)
+    cells = np.array(density).reshape(len(heights) - 1, fine, len(azimuths) - 1, fine)
+    shares = cells.sum(axis=(1, 3))
+    return shares / shares.sum()
+
+
+def chain_p_value(mutations: int = 300) -> float:
+    directions, _ = final_states(mutations)
+    azimuths, heights = np.linspace(-np.pi, np.pi, 9), np.linspace(0, 1, 9)
+    phi = np.arctan2(directions[:, 1], directions[:, 0])
+    counts, _, _ = np.histogram2d(directions[:, 2], phi, bins=(heights, azimuths))
+    expected = expected_shares(azimuths, heights) * counts.sum()
+    common = expected > 20
+    observed = np.append(counts[common], counts[~common].sum())
+    wanted = np.append(expected[common], expected[~common].sum())
+    return float(stats.chisquare(observed, wanted).pvalue)
+
+
+def test_states_have_the_histogram_of_the_target_function(rgb):
+    assert chain_p_value() > 1e-4
+
+
+# ------------------------------ tests of the tests ----------------------------------------------
+
+
+@dataclass(frozen=True)
+class Control:
+    mutations: tuple[Mutation, ...]
+    scene: str
+    offset: tuple[int, int]
+
+
+CONTROLS = {
+    "jacobian of what follows is one": Control(
+        (
+            Mutation("pdf_k * dr.select(ahead, geometry, 1)", "mi.Float(1)"),
+            Mutation("dr.select(far & (next_kind_of(path) != kinds.NEE), pdf_n, 1)", "mi.Float(1)"),
+        ),
+        "room",
+        (0, 4),
+    ),
+    "pdf ratio at the pivot": Control(
+        (Mutation("dr.select(by_numbers, 1, pdf)", "mi.Float(1)"),), "room", (0, 4)
+    ),
+    "ratio of the proposals": Control(
+        (Mutation("dr.select(by_numbers, 1, dr.exp(lobe))", "1"),), "room", (0, 4)
+    ),
+    "always accepted": Control(
+        (Mutation("(u < acceptance(state, proposed, transition))", "mi.Bool(True)"),),
+        "room",
+        (0, 4),
+    ),
+    "weight not updated": Control(
+        (Mutation("weight * target(state.color) / target(proposed.color)", "mi.Float(weight)"),),
+        "room",
+        (0, 4),
+    ),
+    "connectability before the pivot": Control(
+        (Mutation("active & ~(pdf <= pivot.arrival.limit)", "mi.Bool(active)"),),
+        "far_room",
+        (0, 4),
+    ),
+    "connectability of the new pair": Control(
+        (Mutation("(pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches", "pdf_k > 0, True"),),
+        "far_room",
+        (5, 0),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLS)
+def test_control(rgb, monkeypatch, name):
+    control = CONTROLS[name]
+    apply(monkeypatch, control.mutations)
+    case = references.CASES[control.scene]
+    reference, _ = references.load(control.scene)
+    report = transport_report(
+        case, control.offset, 512, reference, mutations=10, mutation_step=STEP
+    )
+    print(f"{name}: {report}")
+    assert not report.passed, f"{name} is left out, and nothing is seen\n{report}"
+
+
+def test_control_of_the_histogram(rgb, monkeypatch):
+    apply(monkeypatch, (Mutation("dr.select(by_numbers, 1, dr.exp(lobe))", "1"),))
+    assert chain_p_value() < 1e-6
+
+
+def duplicated(path: Any) -> Any:
+    """Movable paths of which a pixel nearby has another copy: a rule that reads the reservoirs."""
+    pixel = dr.arange(mi.UInt32, dr.width(path.pixel))
+    copies = mi.Bool(False)
+    for step in (1, 2, 3, 32, 64, 96):
+        for shifted in (pixel + step, pixel - step):
+            inside = shifted < dr.width(path.pixel)
+            other = dr.gather(mi.UInt32, path.pixel, shifted, inside)
+            frame = dr.gather(mi.UInt32, path.sample, shifted, inside)
+            copies |= inside & (other == path.pixel) & (frame == path.sample)
+    return movable(path) & copies
+
+
+def test_control_by_duplication(rgb, monkeypatch):
+    """Mutating only what is duplicated reads the reservoirs, and is biased."""
+    monkeypatch.setattr(pass_module, "movable", duplicated)
+    mode = mutating(20, frames=8, confidence_cap=50.0, spatial_rounds=2)
+    case = references.CASES["room"]
+    renderer = integrator(case.max_depth, mode, hide_emitters=case.hide_emitters)
+    report = bias_report(
+        independent_runs(renderer, case.load(), mode), 512, *references.load("room")
+    )
+    print(report)
+    assert not report.passed, f"mutation decided by duplication is not seen\n{report}"
+
+
+def test_statistics(rgb):
+    case = references.CASES["room"]
+    scene = case.load()
+    renderer = integrator(case.max_depth, mutating(4))
+    for seed in range(3):
+        renderer.render(scene, seed=seed, spp=1)
+    classes = renderer.statistics()["mutations"]
+    assert sum(entry["share"] for entry in classes.values()) == pytest.approx(1)
+    for name in ("A", "B", "E1"):
+        assert 0.05 < classes[name]["acceptance"] <= 1
+    assert classes["E"]["acceptance"] == 0
