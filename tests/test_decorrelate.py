@@ -1,8 +1,8 @@
 """Mutations leave every pixel's expectation alone, and each of their factors is needed for that.
 
-A mutation never changes the luminance of its own pixel, whatever is wrong with it, so the tests look
-elsewhere: through a neighbour's target function (the transport identity), at the image after spatial
-reuse, per colour channel, and at the distribution of the chain's states.
+A mutation never changes the luminance of its own pixel, whatever is wrong with it, so the tests
+look elsewhere: through a neighbour's target function (the transport identity), at the image after
+spatial reuse, per colour channel, and at the distribution of the states of the chain.
 """
 
 from __future__ import annotations
@@ -78,9 +78,7 @@ def test_own_luminance_is_invariant(rgb, name, rule):
 def test_transport(rgb, name, offset, power, mutations):
     case = references.CASES[name]
     reference, _ = references.load(name)
-    report = transport_report(
-        case, offset, 512, reference, mutations=mutations, mutation_step=STEP
-    )
+    report = transport_report(case, offset, 512, reference, mutations=mutations, mutation_step=STEP)
     assert_unbiased(report, f"transport-{name}-mutations-{mutations}", power)
 
 

@@ -109,8 +109,10 @@ def table(title: str, reference: str, rows: Sequence[Row]) -> Table:
     for heading in (*headings, "gain, frame", "gain, charged", "gain, mean"):
         result.add_column(heading, justify="right")
     for row in rows:
-        errors = [f"{entry.relmse:.3g} ({entry.trimmed:.3g})"
-                  for entry in (row.frame_errors, row.mean_errors)]
+        errors = [
+            f"{entry.relmse:.3g} ({entry.trimmed:.3g})"
+            for entry in (row.frame_errors, row.mean_errors)
+        ]
         pairs = zip(row.gains(rows[0], False), row.gains(rows[0], True), strict=True)
         gains = [f"{plain:.2g} ({trimmed:.2g})" for plain, trimmed in pairs]
         result.add_row(row.label, f"{row.milliseconds:.0f}", *errors, *gains)
@@ -134,10 +136,22 @@ def strip(title: str, rows: Sequence[Row], reference: Image) -> np.ndarray:
     draw = ImageDraw.Draw(canvas)
     title_font, font = ImageFont.load_default(16), ImageFont.load_default(12)
     draw.text((_MARGIN, _MARGIN), title, fill="black", font=title_font)
-    upper = [(row.last, f"{row.label}, frame {frames}", f"relMSE {row.frame_errors.relmse:.3g}, "
-              f"{row.milliseconds:.0f} ms") for row in rows]
-    lower = [(row.mean, f"{row.label}, mean of {frames}", f"relMSE {row.mean_errors.relmse:.3g}, "
-              f"{row.milliseconds * frames / 1000:.1f} s") for row in rows]
+    upper = [
+        (
+            row.last,
+            f"{row.label}, frame {frames}",
+            f"relMSE {row.frame_errors.relmse:.3g}, {row.milliseconds:.0f} ms",
+        )
+        for row in rows
+    ]
+    lower = [
+        (
+            row.mean,
+            f"{row.label}, mean of {frames}",
+            f"relMSE {row.mean_errors.relmse:.3g}, {row.milliseconds * frames / 1000:.1f} s",
+        )
+        for row in rows
+    ]
     for line, cells in enumerate((upper, lower)):
         for column, (image, label, numbers) in enumerate([*cells, (reference, "reference", "")]):
             x = _MARGIN + column * cell_width

@@ -138,9 +138,7 @@ def run(options: argparse.Namespace) -> int:
     if wanted:
         parameters["aovs"] = ",".join(f"{name}:{kind}" for name, kind in wanted.items())
     integrator = loading.make_integrator("restir_pt", parameters)
-    scene = loading.load_scene(
-        options.scene, definitions, options.resolution, options.keep_filter
-    )
+    scene = loading.load_scene(options.scene, definitions, options.resolution, options.keep_filter)
     sensor = loading.choose_sensor(scene, options.sensor)
     channels = [*RGB, *integrator.aov_names()]
     move = _camera_mover(sensor, path) if path else None

@@ -256,9 +256,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self._history = no_history(width * height, self.parameters.mutations > 0)
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
-    def _plan_frames(
-        self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]
-    ) -> None:
+    def _plan_frames(self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]) -> None:
         """Check a new scene or sensor and prepare to render its frames."""
         check_scene(scene)
         check_sensor(sensor)

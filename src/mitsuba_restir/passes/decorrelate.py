@@ -90,18 +90,12 @@ def decorrelate(
     angle = mi.Float(0)
     i = mi.UInt32(0)
 
-    while dr.hint(
-        active & (i < mutations), exclude=[mapping, acceptance], label="Mutations"
-    ):
-        proposed, transition = _propose(
-            scene, pivot, state, random, i, step, mapping, active
-        )
+    while dr.hint(active & (i < mutations), exclude=[mapping, acceptance], label="Mutations"):
+        proposed, transition = _propose(scene, pivot, state, random, i, step, mapping, active)
         u = uniform(random, i, 2)
         take = active & (u < acceptance(state, proposed, transition))
         take &= target(proposed.color) > 0
-        weight = dr.select(
-            take, weight * target(state.color) / target(proposed.color), weight
-        )
+        weight = dr.select(take, weight * target(state.color) / target(proposed.color), weight)
         accepted += dr.select(take, mi.UInt32(1), 0)
         angle += dr.select(take, dr.norm(proposed.direction - state.direction), 0)
         state = dr.select(take, proposed, state)
@@ -127,9 +121,7 @@ def _current(
     # A path to the environment has no vertex; its direction is stored.
     direction = dr.select(kind_of(path) == kinds.ENVIRONMENT, path.wo, ray.d)
     si.wi = dr.select(si.is_valid(), si.wi, -direction)
-    state, _, _ = at_vertex(
-        scene, pivot, path, path.vertex, si, direction, mapping, active
-    )
+    state, _, _ = at_vertex(scene, pivot, path, path.vertex, si, direction, mapping, active)
     return State(path, reservoirs.color, state.density, state.direction, state.pdf)
 
 
@@ -178,9 +170,7 @@ def _move_numbers(path: PathRecord, moves: Any, u: Any, step: float) -> PathReco
     moved -= dr.floor(moved)
     # The floor of a tiny negative number rounds to 1, which is outside the square.
     moved = dr.minimum(moved, 1 - 2.0**-24)
-    return replace(
-        path, wo=dr.select(moves, mi.Vector3f(moved.x, moved.y, 0), path.wo)
-    )
+    return replace(path, wo=dr.select(moves, mi.Vector3f(moved.x, moved.y, 0), path.wo))
 
 
 def _concentration(pdf: Any, step: float) -> Any:

@@ -209,9 +209,7 @@ def _tree(
         free = ~bounce.delta & (bounce.pdf <= arrival.limit)
         anchor = dr.select(
             (anchor.k == 0) & free,
-            Anchor(
-                j, here, bounce.wo, arrival.jacobian * bounce.pdf, mi.Spectrum(1), anchor.next
-            ),
+            Anchor(j, here, bounce.wo, arrival.jacobian * bounce.pdf, mi.Spectrum(1), anchor.next),
             _extend(anchor, here, bounce, j),
         )
         throughput *= bounce.weight

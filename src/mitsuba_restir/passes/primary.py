@@ -69,9 +69,7 @@ def primary(
     if skip_emitters is not None:
         on_light = pi.is_valid() & (pi.shape.emitter() != None)  # noqa: E711
         light = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_light)
-        pi = dr.select(
-            on_light, skip_emitters(scene, light.spawn_ray(ray.d), True, on_light), pi
-        )
+        pi = dr.select(on_light, skip_emitters(scene, light.spawn_ray(ray.d), True, on_light), pi)
     si = pi.compute_surface_interaction(ray)
     shows_sky = skip_emitters is None and scene.environment() is not None
     emitted = mi.Spectrum(0)

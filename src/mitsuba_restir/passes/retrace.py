@@ -77,9 +77,7 @@ def retrace(
     return Reservoir(
         with_factor(path, renewed.factor),
         renewed.color,
-        dr.select(
-            dr.max(renewed.color) > 0, history.weight * renewed.jacobian, 0
-        ),
+        dr.select(dr.max(renewed.color) > 0, history.weight * renewed.jacobian, 0),
         history.confidence,
     )
 
@@ -190,8 +188,6 @@ def _retrace_suffix(
         vertex=replace(path.vertex, p=moved),
         wo=dr.select(sampled, light.d, path.wo),
         radiance=dr.select(from_vertex | to_environment, radiance, path.radiance),
-        light_pdf=dr.select(
-            found, light_pdf, dr.select(sampled, sampled_pdf, path.light_pdf)
-        ),
+        light_pdf=dr.select(found, light_pdf, dr.select(sampled, sampled_pdf, path.light_pdf)),
         next=following,
     )

@@ -28,9 +28,7 @@ def reservoir_color(reservoir: Reservoir) -> Any:
     return reservoir.color * reservoir.weight
 
 
-def auxiliary(
-    names: Sequence[str], hit: PrimaryHit, flow: Any, confidence: Any
-) -> list[Any]:
+def auxiliary(names: Sequence[str], hit: PrimaryHit, flow: Any, confidence: Any) -> list[Any]:
     """Channels of the requested auxiliary images, in order, one ``Float`` per channel.
 
     Parameters

@@ -69,9 +69,7 @@ def temporal(
     )
 
     own = current.confidence * target(current.color)
-    m_current = share(
-        own, density(previous.confidence, target(backward.color), backward.jacobian)
-    )
+    m_current = share(own, density(previous.confidence, target(backward.color), backward.jacobian))
     theirs = density(previous.confidence, target(previous.color), 1 / forward.jacobian)
     m_previous = share(theirs, current.confidence * target(forward.color))
 

@@ -31,8 +31,6 @@ def no_primary_hit() -> PrimaryHit:
     return PrimaryHit(no_vertex(), dr.zeros(mi.Point3f), dr.zeros(mi.Normal3f), mi.Float(0))
 
 
-def camera_ray(
-    hit: PrimaryHit, lambdas: Any
-) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
+def camera_ray(hit: PrimaryHit, lambdas: Any) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
     """The ray x_0 -> x_1 and its intersection, rebuilt without tracing."""
     return seen_from(hit.vertex, hit.origin, lambdas)

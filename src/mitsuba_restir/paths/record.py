@@ -78,9 +78,7 @@ class PathRecord:
 
 def no_continuation() -> Continuation:
     """A continuation that leads nowhere."""
-    return Continuation(
-        no_vertex(), dr.zeros(mi.Vector3f), dr.zeros(mi.Spectrum), mi.Float(0)
-    )
+    return Continuation(no_vertex(), dr.zeros(mi.Vector3f), dr.zeros(mi.Spectrum), mi.Float(0))
 
 
 def empty_record(continued: bool) -> PathRecord:

@@ -97,9 +97,7 @@ def evaluate(
     return bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(direction), active)
 
 
-def along(
-    si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, direction: Any, active: Any
-) -> Scattered:
+def along(si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, direction: Any, active: Any) -> Scattered:
     """The bounce along a given world-space ``direction``, as if it had been sampled."""
     value, pdf = evaluate(si, bsdf, direction, active)
     weight = dr.select(pdf > 0, value / pdf, mi.Spectrum(0))

@@ -62,9 +62,7 @@ def path_stream(pixel: Any, sample: Any, seed: Any, dither: Dither | None = None
 
 def pass_stream(purpose: int, pixel: Any, sample: Any, seed: Any) -> Stream:
     """Stream for the choices that a pass makes (selection, neighbours), disjoint from all paths."""
-    x, y = mi.sample_tea_32(
-        mi.UInt32(seed) ^ mi.UInt32(0x632BE5AB), mi.UInt32(purpose), _ROUNDS
-    )
+    x, y = mi.sample_tea_32(mi.UInt32(seed) ^ mi.UInt32(0x632BE5AB), mi.UInt32(purpose), _ROUNDS)
     return path_stream(mi.UInt32(pixel) ^ x, mi.UInt32(sample) + y, x)
 
 

@@ -135,9 +135,7 @@ def depart(
     return Departure(mi.Point3f(si.p), pdf, delta, dr.abs(dr.dot(si.n, direction)), limit)
 
 
-def depart_scattered(
-    si: mi.SurfaceInteraction3f, bounce: Scattered, limit: Any
-) -> Departure:
+def depart_scattered(si: mi.SurfaceInteraction3f, bounce: Scattered, limit: Any) -> Departure:
     """The departure of a sampled bounce."""
     return depart(si, bounce.wo, bounce.pdf, bounce.delta, limit)
 

@@ -33,9 +33,7 @@ def ending(path: PathRecord, e: Ends) -> Any:
     leave = dr.select(e.pdf > 0, e.value / e.pdf, 0)
     leave_k = dr.select(e.pdf_k > 0, e.value_k / e.pdf_k, 0)
     result = leave * leave_k * path.radiance  # FAR
-    result = dr.select(
-        e.kind == kinds.HIT, result * balance(e.pdf_k, path.light_pdf), result
-    )
+    result = dr.select(e.kind == kinds.HIT, result * balance(e.pdf_k, path.light_pdf), result)
     result = dr.select(
         e.kind == kinds.NEE,
         leave * e.value_k * path.radiance * nee_weight(path.light_pdf, e.pdf_k),
@@ -49,9 +47,7 @@ def ending(path: PathRecord, e: Ends) -> Any:
     )
     result = dr.select(
         e.kind == kinds.REPLAY_NEE,
-        e.value
-        * e.light.weight
-        * dr.select(e.light.delta, 1, balance(e.light.pdf, e.pdf)),
+        e.value * e.light.weight * dr.select(e.light.delta, 1, balance(e.light.pdf, e.pdf)),
         result,
     )
     return dr.select(

@@ -80,9 +80,7 @@ def shift(
         dr.select(by_light, edge_count(path), reconnection_index(path)) - 2,
     )
     if mapping.replays:
-        head = replay(
-            scene, stream, hit, lambdas, response_weight, bounces, mapping, present
-        )
+        head = replay(scene, stream, hit, lambdas, response_weight, bounces, mapping, present)
     else:
         head = at_primary(hit, lambdas, response_weight)
         head.outcome = dr.select(bounces == 0, mi.UInt32(OK), UNCONNECTABLE)
@@ -120,16 +118,12 @@ def _finish(
     si = head.pi.compute_surface_interaction(head.ray)
     bsdf = si.bsdf()
     limit = criterion.vertex_limit(si, bsdf, alive)
-    arrival = link(
-        criterion, head.start, si, limit, head.index, mapping.last_index, hit.footprint
-    )
+    arrival = link(criterion, head.start, si, limit, head.index, mapping.last_index, hit.footprint)
 
     numbers = mi.Point2f(path.wo.x, path.wo.y)
     light = sample_light(scene, si, numbers, False, by_light & can_connect(bsdf))
     ray_k, pi_k = seen_from(path.vertex, si.p, head.ray.wavelengths)
-    direction = dr.select(
-        to_vertex, ray_k.d, dr.select(to_environment, path.wo, light.d)
-    )
+    direction = dr.select(to_vertex, ray_k.d, dr.select(to_environment, path.wo, light.d))
     value, pdf = evaluate(si, bsdf, direction, extends & (~by_light | light.valid))
 
     # The pair (y_{h-1}, y_h) must stay unconnectable with the new direction as well, and a path

@@ -106,16 +106,12 @@ def at_vertex(
         by_numbers, mi.Point2f(path.wo.x, path.wo.y), light_numbers(pivot.stream, k)
     )
     sampled = active & dr.select(by_numbers, can_connect(bsdf), nee & can_connect(bsdf_k))
-    light = sample_light(
-        scene, dr.select(by_numbers, pivot.si, si_k), numbers, False, sampled
-    )
+    light = sample_light(scene, dr.select(by_numbers, pivot.si, si_k), numbers, False, sampled)
     direction = dr.select(by_numbers, light.d, direction)
     value, pdf = evaluate(pivot.si, bsdf, direction, active & (~by_numbers | light.valid))
     start = depart(pivot.si, direction, pdf, mi.Bool(False), pivot.limit)
     limit_k = criterion.vertex_limit(si_k, bsdf_k, onward)
-    pair = link(
-        criterion, start, si_k, limit_k, k, mapping.last_index, pivot.footprint
-    )
+    pair = link(criterion, start, si_k, limit_k, k, mapping.last_index, pivot.footprint)
 
     # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
 
@@ -128,9 +124,7 @@ def at_vertex(
 
     # The pair before the pivot must stay unconnectable with the new direction, and x_k connectable.
     defined = active & ~(pdf <= pivot.arrival.limit)
-    defined &= by_numbers | dr.select(
-        onward, (pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches
-    )
+    defined &= by_numbers | dr.select(onward, (pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches)
 
     # ------------------------------ what arrives ------------------------------------------------
 
@@ -154,9 +148,7 @@ def at_vertex(
         light_pdf=light_pdf,
         jacobian=jacobian_factor(kind, pair, pdf_k),
     )
-    ends = Ends(
-        kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, mi.Float(0)
-    )
+    ends = Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, mi.Float(0))
     color = response(pivot.throughput * ending(moved, ends), pivot.lambdas)
 
     density = dr.select(by_numbers, 1, pdf)

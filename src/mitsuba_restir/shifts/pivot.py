@@ -99,6 +99,4 @@ def pivot_of(
         mapping.criterion, head.start, si, limit, head.index, mapping.last_index, hit.footprint
     )
     valid = active & (head.outcome == OK) & si.is_valid()
-    return Pivot(
-        si, head.throughput, arrival, limit, hit.footprint, stream, lambdas, valid
-    )
+    return Pivot(si, head.throughput, arrival, limit, hit.footprint, stream, lambdas, valid)

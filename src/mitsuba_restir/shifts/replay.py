@@ -35,9 +35,7 @@ class Head:
 def at_primary(hit: PrimaryHit, lambdas: Any, throughput: Any) -> Head:
     """The head of a path that has only reached its primary hit."""
     ray, pi = camera_ray(hit, lambdas)
-    nowhere = Departure(
-        dr.zeros(mi.Point3f), mi.Float(0), mi.Bool(True), mi.Float(0), mi.Float(0)
-    )
+    nowhere = Departure(dr.zeros(mi.Point3f), mi.Float(0), mi.Bool(True), mi.Float(0), mi.Float(0))
     return Head(ray, pi, mi.Spectrum(throughput), nowhere, mi.UInt32(1), mi.UInt32(OK))
 
 
@@ -67,9 +65,7 @@ def replay(
         si = pi.compute_surface_interaction(ray)
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active)
-        arrival = link(
-            mapping.criterion, start, si, limit, j, mapping.last_index, hit.footprint
-        )
+        arrival = link(mapping.criterion, start, si, limit, j, mapping.last_index, hit.footprint)
         bounce = scatter(si, bsdf, stream, j, active)
         connectable = ~bounce.delta & (bounce.pdf <= arrival.limit)
         throughput *= bounce.weight
