@@ -1,7 +1,7 @@
 """Render the committed references again: ``python tests/make_references.py [NAME ...]``.
 
-Without names, all of them: about ten minutes on two cores. Mitsuba's own ``path`` renders them, with
-the depth of each case and no Russian roulette (but for unlimited depth).
+Without names, all of them: about ten minutes on two cores. Mitsuba's own ``path`` renders them,
+with the depth of each case and no Russian roulette (but for unlimited depth).
 """
 
 import sys

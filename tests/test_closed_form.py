@@ -1,5 +1,7 @@
 """Every mode reaches the known image of closed-form scenes."""
 
+from __future__ import annotations
+
 import mitsuba as mi
 import pytest
 from support import closed_form

@@ -69,15 +69,15 @@ CONTROLS = {
                 "mi.Float(arrival.jacobian)",
             ),
         ),
-        "far_room",
+        "open_room",
         (0, 4),
         512,
     ),
     "pairwise weight of the neighbour": Control(
         (
             Mutation(
-                "m_other * forward.jacobian",
-                "forward.jacobian",
+                "m_other * shifted.jacobian",
+                "shifted.jacobian",
             ),
         ),
         "room",
@@ -87,8 +87,8 @@ CONTROLS = {
     "pairwise weight of the canonical sample": Control(
         (
             Mutation(
-                "dr.select(valid, m_own, 0)",
-                "dr.select(valid, mi.Float(1), 0)",
+                "dr.select(theirs.valid, share(own, reach), 0)",
+                "dr.select(theirs.valid, mi.Float(1), 0)",
             ),
         ),
         "room",
@@ -132,7 +132,7 @@ CONTROLS = {
             ),
         ),
         "far_room",
-        (0, 4),
+        (5, 0),
         1024,
     ),
     "invertibility at the head": Control(

@@ -1,4 +1,4 @@
-"""Shifts are invertible maps: identity, round trip, Jacobian, and the rate at which they succeed."""
+"""Shifts are invertible maps: identity, round trip, Jacobian, and rate of success."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def test_identity_and_round_trip(rgb, name, kind):
     end, and a limit be met to the last bit: this must stay below one in 10^5 replays.
 
     A traced ray starts a little above its surface, and a reconnection at the surface itself, so the
-    first reconnection of a path changes F and J in the last digits, and may move it across a limit of
-    the connectability test (``boundary``); from then on nothing changes.
+    first reconnection of a path changes F and J in the last digits, and may move it across a limit
+    of the connectability test (``boundary``); from then on nothing changes.
     """
     tried = changed = boundary = shifted = lost = wrong = 0
     rounding = []
@@ -101,8 +101,9 @@ def test_identity_and_round_trip(rgb, name, kind):
     rounding = np.concatenate([*rounding, [0.0]])
     median, rare = np.quantile(rounding, [0.5, 0.99])
     print(
-        f"{name}-{kind}: of {tried}, {changed} replays and {boundary} reconnections differ in their own "
-        f"pixel (rounding of reconnections: median {median:.0e}, 99 % {rare:.0e}); {lost} lost and {wrong} changed of {shifted} round trips"
+        f"{name}-{kind}: of {tried}, {changed} replays and {boundary} reconnections differ in "
+        f"their own pixel (rounding of reconnections: median {median:.0e}, 99 % {rare:.0e}); "
+        f"of {shifted} round trips, {lost} are lost and {wrong} changed"
     )
     assert tried > 20000
     assert shifted > 10000

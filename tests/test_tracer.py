@@ -53,7 +53,7 @@ def test_rebuilt_vertices_are_what_was_hit(rgb, name):
 
 
 def test_scattering_weight_is_f_over_p(rgb):
-    """For every BSDF: the weight of a non-delta direction is eval/pdf, and the mean is unchanged."""
+    """For every BSDF a non-delta direction has the weight eval/pdf, and the mean is unchanged."""
     scene = mi.load_dict(zoo.bsdf_zoo())
     ray, pi = camera_hits(scene, 64)
     si = pi.compute_surface_interaction(ray)

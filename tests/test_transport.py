@@ -33,7 +33,9 @@ def test_room(rgb, name, offset, power, shift):
 
 
 @pytest.mark.parametrize("shift", ["hybrid", "distance"])
-@pytest.mark.parametrize("name", ["bsdfs", "emitters", "envmap", "sunsky", "shapes", "glossy_shapes"])
+@pytest.mark.parametrize(
+    "name", ["bsdfs", "emitters", "envmap", "sunsky", "shapes", "glossy_shapes"]
+)
 def test_zoo(rgb, name, shift):
     case = references.CASES[name]
     reference, _ = references.load(name)
