@@ -55,9 +55,7 @@ def fake_frames(monkeypatch):
 
     def install(frames, aovs=()):
         values = iter(frames)
-        monkeypatch.setattr(
-            loading, "make_integrator", lambda *_: ConstantIntegrator(aovs=aovs)
-        )
+        monkeypatch.setattr(loading, "make_integrator", lambda *_: ConstantIntegrator(aovs=aovs))
 
         def render(*_, **__):
             value = next(values)
@@ -280,9 +278,7 @@ def test_scene_gets_size_definitions_and_a_box_filter(folder):
 
 
 def test_definition_of_an_included_file_is_known(folder):
-    Path("outer.xml").write_text(
-        '<scene version="3.0.0"><include filename="tiny.xml"/></scene>'
-    )
+    Path("outer.xml").write_text('<scene version="3.0.0"><include filename="tiny.xml"/></scene>')
     loading.choose_variant("llvm_ad_rgb")
     scene = loading.load_scene("outer.xml", {"resx": "12"}, None)
     assert list(scene.sensors()[0].film().size()) == [12, 6]
@@ -362,9 +358,7 @@ def test_camera_path_moves_the_sensor(folder):
     arguments = ["render", "ball.xml", "--camera-path", "path.toml", "-o", "out.exr"]
     assert cli.main([*arguments, "--aovs", "depth"]) == 0
     assert len(list(folder.glob("out_*.exr"))) == 3
-    first, last = (
-        np.array(mi.Bitmap(f"out_000{frame}.exr"))[2:4, 3:5, 3] for frame in (0, 2)
-    )
+    first, last = (np.array(mi.Bitmap(f"out_000{frame}.exr"))[2:4, 3:5, 3] for frame in (0, 2))
     assert np.all(first < 0.1)
     np.testing.assert_allclose(last, 3.0, atol=0.2)
 

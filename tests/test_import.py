@@ -26,9 +26,7 @@ def run(program: str, environment: dict[str, str] | None = None) -> None:
     """Run a program in a fresh interpreter, where Mitsuba has not been imported."""
     source = textwrap.dedent(program).replace("RENDER", RENDER)
     command = [sys.executable, "-W", "error", "-c", source]
-    result = subprocess.run(
-        command, capture_output=True, text=True, check=False, env=environment
-    )
+    result = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert result.returncode == 0, result.stderr[-3000:]
 
 
