@@ -209,7 +209,9 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
 
     @dr.freeze
     def frozen(scene: Any, sensor: Any, seed: Any) -> Any:
-        return integrator.render(scene, sensor, seed=seed, spp=variant.spp)
+        # Calling the integrator's own `render` here would run the paths a second time, to leave the
+        # sampler's state behind: measured 1.65 times the time of `mi.render`.
+        return mi.render(scene, integrator=integrator, sensor=sensor, spp=variant.spp, seed=seed)
 
     def draw_frozen(seed: int) -> Any:
         # A literal seed would be compiled into the kernel, and every frame would compile anew.
