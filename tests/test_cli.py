@@ -367,12 +367,18 @@ def test_camera_path_moves_the_sensor(folder):
 def test_interrupting_the_process_keeps_whole_files(folder):
     command = [sys.executable, "-m", "mitsuba_restir", "render", "ajar", "--resolution", "32x18"]
     options = ["--frames", "100000", "-o", "out.exr", "-p", "max_depth=3"]
+    # A background job of a shell starts with the signal ignored, and hands that on.
+    heard = signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen([*command, *options], stderr=subprocess.PIPE, text=True) as process:
+        signal.signal(signal.SIGINT, heard)
         deadline = time.monotonic() + 120
         while not Path("out_0002.png").exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        error = process.communicate(timeout=60)[1]
+        try:
+            error = process.communicate(timeout=60)[1]
+        finally:
+            process.kill()
     assert process.returncode == 130
     assert error.strip().endswith("interrupted")
     assert "Traceback" not in error
