@@ -43,8 +43,8 @@ class Exchanged:
     Fields: ``partner`` (``UInt32``, row-major pixel index), ``valid`` (``Bool``, it exists and is
     similar in the G-buffer), ``color`` (``Color3f``, F of the shifted path here), ``factor`` (its
     own p G p), ``weight`` (m_i W_i J_i: what F counts with), ``reach`` (c p J: the density with
-    which this pixel makes the partner's path, for the partner's MIS weight), ``confidence`` (the
-    partner's), ``outcome`` (of the shift).
+    which this pixel makes the partner's path, for the partner's MIS weight), ``outcome`` (of the
+    shift).
     """
 
     partner: Any
@@ -53,7 +53,6 @@ class Exchanged:
     factor: Any
     weight: Any
     reach: Any
-    confidence: Any
     outcome: Any
 
 
@@ -109,7 +108,6 @@ def exchange(
         shifted.factor,
         dr.select(used, m_other * shifted.jacobian * theirs.weight, 0),
         density(reservoirs.confidence, target(shifted.color), shifted.jacobian),
-        dr.select(valid, theirs.confidence, 0),
         shifted.outcome,
     )
 
@@ -157,7 +155,7 @@ def merge(
         color += theirs.weight * theirs.color
         canonical_share += dr.select(theirs.valid, share(own, reach), 0)
         count += dr.select(theirs.valid, mi.Float(1), 0)
-        confidence += theirs.confidence
+        confidence += dr.gather(mi.Float, reservoirs.confidence, theirs.partner, theirs.valid)
 
     weight = canonical_share * target(canonical)
     total += weight
