@@ -23,14 +23,14 @@ def uniform(vertex: int) -> mi.Float:
 
 
 def labelled(label: int):
-    record = empty_record()
+    record = empty_record(False)
     record.info = mi.UInt32(label)
     return record
 
 
 def streamed(weights, first: int = 0) -> Reservoir:
     """Candidates with luminance w and label 0, 1, ..., each offered with its weight w."""
-    reservoir = empty_reservoir()
+    reservoir = empty_reservoir(False)
     for i, weight in enumerate(weights):
         reservoir = offer(
             reservoir,
@@ -65,7 +65,7 @@ def test_contribution_weight(rgb):
 def test_merging_equals_streaming(rgb):
     """Two reservoirs merged by their sums select as one that saw all candidates."""
     halves = [streamed(WEIGHTS[:3]), streamed(WEIGHTS[3:], first=3)]
-    merged = empty_reservoir()
+    merged = empty_reservoir(False)
     for i, half in enumerate(halves):
         merged = offer(merged, half.path, half.color, half.weight, uniform(20 + i), mi.Bool(True))
     observed = np.bincount(np.array(merged.path.info), minlength=len(WEIGHTS))
@@ -92,7 +92,7 @@ def test_inactive_lanes_keep_their_sample(rgb):
 
 
 def test_empty_reservoir_has_no_weight(rgb):
-    assert np.all(np.array(finalize(empty_reservoir(), 1).weight) == 0)
+    assert np.all(np.array(finalize(empty_reservoir(False), 1).weight) == 0)
 
 
 def test_balance_weights_are_a_partition(rgb):

@@ -22,7 +22,7 @@ ZOO = {
 ROOM = (256, 0.025)
 LIGHT_IN_VIEW = (256, 0.045)  # the edges of the light are noisy, candidates share their position
 CHANGING = (256, 0.035)
-SPECTRAL = (48, 0.045)  # not recorded, hence slow
+SPECTRAL = (64, 0.05)  # not recorded, hence slow
 
 
 def check(
