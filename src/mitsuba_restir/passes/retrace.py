@@ -8,8 +8,9 @@ shift carries the contribution weight over.
 
 A path that did not exist in the old scene cannot be in the history, although the current scene's
 target function says that it could be: where light reaches a surface that it did not reach before,
-the frame of the change is too dark, and the error fades as the history refills. Directions are kept
-without the ratio of their old and new pdfs, so materials must not change: reset the history then.
+or where a bounce finds an area light that was elsewhere, the frame of the change is too dark, and
+the error fades as the history refills. Directions are kept without the ratio of their old and new
+pdfs, so materials must not change: reset the history then.
 """
 
 from __future__ import annotations
