@@ -363,7 +363,7 @@ def test_camera_path_moves_the_sensor(folder):
     np.testing.assert_allclose(last, 3.0, atol=0.2)
 
 
-@pytest.mark.long  # hangs where the test runner itself cannot be interrupted
+@pytest.mark.slow
 def test_interrupting_the_process_keeps_whole_files(folder):
     command = [sys.executable, "-m", "mitsuba_restir", "render", "ajar", "--resolution", "32x18"]
     options = ["--frames", "100000", "-o", "out.exr", "-p", "max_depth=3"]
