@@ -12,7 +12,7 @@ import mitsuba as mi
 from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import response
 from ..paths.vertex import compact
-from ..sampling.streams import PRIMARY, pass_stream, path_stream, uniform2
+from ..sampling.streams import PRIMARY, WAVELENGTH, pass_stream, path_stream, uniform2
 from ..shifts.connectability import pixel_footprint
 
 
@@ -61,7 +61,7 @@ def primary(
     film = (mi.Point2f(x, y) + jitter) / mi.Vector2f(width, height)
     if mi.is_spectral:
         # The same wavelengths as the pixel's first path, so that their colours belong together.
-        lambda_sample = uniform2(path_stream(pixel, sample, seed), 0, 3)[0]
+        lambda_sample = uniform2(path_stream(pixel, sample, seed), 0, WAVELENGTH)[0]
     ray, weight = sensor.sample_ray(
         sensor.shutter_open() + time * sensor.shutter_open_time(), lambda_sample, film, lens
     )
