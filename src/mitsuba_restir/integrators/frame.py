@@ -246,7 +246,7 @@ def share_paths(
             )
             dr.eval(theirs)
             exchanged.append(theirs)
-        reservoirs, color = merge(reservoirs, exchanged, round_number, sample, seed)
+        reservoirs, color, _ = merge(reservoirs, exchanged, round_number, sample, seed)
         outcomes.append([theirs.outcome for theirs in exchanged])
         dr.eval(reservoirs, color)
 

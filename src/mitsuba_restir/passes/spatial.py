@@ -56,6 +56,18 @@ class Exchanged:
     outcome: Any
 
 
+@dataclass
+class PairEstimators:
+    """The estimators g_0 .. g_k of every pixel, each with the expectation of the pixel.
+
+    Fields: ``colors`` (list of ``Color3f``, the canonical sample's first), ``valid`` (list of
+    ``Bool``: the pixel has this pair; where not, the colour is zero).
+    """
+
+    colors: list[Any]
+    valid: list[Any]
+
+
 def neighbor_choices(round_index: Any, sample: Any, seed: Any) -> Stream:
     """The stream, common to all pixels, that draws a round's pairings."""
     return pass_stream(NEIGHBORS, round_index, sample, seed)
@@ -114,7 +126,7 @@ def exchange(
 
 def merge(
     reservoirs: Reservoir, exchanged: list[Exchanged], round_index: Any, sample: Any, seed: Any
-) -> tuple[Reservoir, Any]:
+) -> tuple[Reservoir, Any, PairEstimators]:
     """Merge the partners' paths into every pixel's reservoir.
 
     Parameters
@@ -128,6 +140,8 @@ def merge(
         The merged reservoirs.
     color : Color3f
         Mean of the pair estimators.
+    estimators : PairEstimators
+        One entry for the canonical sample and one per partner.
     """
     pixel = dr.arange(mi.UInt32, dr.width(reservoirs.weight))
     random = pass_stream(SPATIAL, pixel, sample, seed ^ (round_index << 24))
@@ -142,6 +156,7 @@ def merge(
     canonical_share = mi.Float(1)  # sum of the canonical sample's pairwise weights
     count = mi.Float(1)  # V + 1
     confidence = mi.Float(reservoirs.confidence)
+    estimators = PairEstimators([canonical], [mi.Bool(True)])
 
     for i, theirs in enumerate(exchanged):
         weight = theirs.weight * target(theirs.color)
@@ -153,7 +168,10 @@ def merge(
 
         reach = dr.gather(mi.Float, theirs.reach, theirs.partner, theirs.valid)
         color += theirs.weight * theirs.color
-        canonical_share += dr.select(theirs.valid, share(own, reach), 0)
+        pair_share = dr.select(theirs.valid, share(own, reach), 0)
+        canonical_share += pair_share
+        estimators.colors.append(theirs.weight * theirs.color + pair_share * canonical)
+        estimators.valid.append(theirs.valid)
         count += dr.select(theirs.valid, mi.Float(1), 0)
         confidence += dr.gather(mi.Float, reservoirs.confidence, theirs.partner, theirs.valid)
 
@@ -171,4 +189,4 @@ def merge(
         dr.select(leading > 0, total / (count * leading), 0),
         confidence,
     )
-    return merged, (color + canonical_share * canonical) / count
+    return merged, (color + canonical_share * canonical) / count, estimators
