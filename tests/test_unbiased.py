@@ -10,6 +10,8 @@ from support import references, rooms
 from support.modes import MODES, Mode
 from support.runs import assert_unbiased, bias_report, independent_runs, integrator
 
+from mitsuba_restir.sampling.dither import Dither
+
 # Runs of one test, and the relative error of the image that is found with probability 0.99.
 ZOO = {
     "bsdfs": (128, 0.02),
@@ -54,6 +56,28 @@ def test_zoo(rgb, name, mode):
 @pytest.mark.parametrize("mode", MODES)
 def test_room(rgb, mode):
     check("room", mode, *ROOM)
+
+
+@pytest.mark.parametrize(
+    ("name", "mode"), [("room", "both"), ("bsdfs", "candidates_4"), ("emitters", "both")]
+)
+def test_dithered_seeds(rgb, name, mode):
+    """Runs differ in their seed, hence in the offsets of the masks."""
+    runs, power = ZOO.get(name, ROOM)
+    check(name, mode, runs, power, label=f"{name}-{mode}-dithered", blue_noise_seeds=True)
+
+
+def test_a_fixed_mask_is_seen(rgb, monkeypatch):
+    drawn = Dither.stream
+
+    def fixed(self: Dither, hashed: Any, pixel: Any, sample: Any, seed: Any) -> Any:
+        return drawn(self, hashed, pixel, sample, 0 * seed)
+
+    monkeypatch.setattr(Dither, "stream", fixed)
+    case, mode = references.CASES["room"], MODES["both"]
+    renderer = integrator(case.max_depth, mode, blue_noise_seeds=True)
+    runs = independent_runs(renderer, case.load(), mode)
+    assert not bias_report(runs, ROOM[0], *references.load("room")).passed
 
 
 @pytest.mark.parametrize("mode", ["candidates_4", "spatial_1", "both"])

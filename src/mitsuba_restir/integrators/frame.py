@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -21,6 +21,7 @@ from ..paths.camera import Camera
 from ..paths.primary_hit import PrimaryHit, no_primary_hit
 from ..paths.settings import PathLimits
 from ..resampling.reservoir import Reservoir, empty_reservoir
+from ..sampling.dither import Dither
 from ..sampling.pairing import PairingTile
 from ..shifts.mapping import ShiftMapping
 from .parameters import Parameters
@@ -139,6 +140,7 @@ def sample_paths(
     sample: Any,
     seed: Any,
     spp: Any,
+    dither: Dither | None,
 ) -> Sampled:
     """First half of a frame: candidates and temporal reuse. The history is not needed after it.
 
@@ -154,8 +156,10 @@ def sample_paths(
         The previous frame's camera; None where the sensor's history cannot be followed.
     sample, seed, spp : UInt32
         Running number of the frame's first sample, the user's seed, candidate trees per pixel.
+    dither : Dither or None
+        Dithers the paths' first random numbers.
     """
-    parameters, mapping = plan.parameters, plan.mapping
+    parameters, mapping = plan.parameters, replace(plan.mapping, dither=dither)
     reservoirs = initial(
         scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping, parameters.mutations > 0
     )
@@ -198,6 +202,7 @@ def share_paths(
     tile: PairingTile,
     sample: Any,
     seed: Any,
+    dither: Dither | None,
 ) -> Frame:
     """Second half of a frame: mutations, spatial reuse and shading.
 
@@ -208,7 +213,7 @@ def share_paths(
     tile : PairingTile
         Partners for spatial reuse.
     """
-    parameters, mapping = plan.parameters, plan.mapping
+    parameters, mapping = plan.parameters, replace(plan.mapping, dither=dither)
     reservoirs, outcomes = sampled.reservoirs, [sampled.outcomes]
     mutated = None
     if parameters.mutations > 0:

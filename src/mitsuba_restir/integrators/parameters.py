@@ -31,6 +31,7 @@ class Parameters:
     retrace_history: bool
     mutations: int
     mutation_step: float
+    blue_noise_seeds: bool
     aovs: tuple[tuple[str, str], ...]
 
 
@@ -44,7 +45,6 @@ _CHOICES = {
 _LATER: dict[str, Any] = {
     "neighbor_sampling": "random",
     "blue_noise": "none",
-    "blue_noise_seeds": False,
 }
 """Announced parameters and the only value that each accepts so far."""
 
@@ -73,6 +73,7 @@ def read_parameters(props: Any) -> Parameters:
         retrace_history=_boolean(props, "retrace_history", False),
         mutations=_integer(props, "mutations", 0, 0, 1000),
         mutation_step=_number(props, "mutation_step", MUTATION_STEP, 1e-4, 1.0),
+        blue_noise_seeds=_boolean(props, "blue_noise_seeds", False),
         aovs=_aovs(props.get("aovs", "")),
     )
     _number(props, "blue_noise_weight", 0.5, 0.0, 1.0)

@@ -16,6 +16,8 @@ from ..passes.primary import primary
 from ..passes.shade import AOV_CHANNELS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
 from ..paths.settings import PathLimits
+from ..sampling.dither import Dither, mask_texture
+from ..sampling.masks import load_mask
 from ..sampling.pairing import pairing_tile
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import OUTCOMES, shift_mapping
@@ -92,6 +94,11 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
      * - mutation_step
        - |float|
        - Standard deviation of a mutation in primary sample space. (Default: 0.05)
+
+     * - blue_noise_seeds
+       - |bool|
+       - Take the first random numbers of every candidate path from blue-noise masks with random
+         offsets (Georgiev and Fajardo 2016). The expectation stays the same. (Default: |false|)
 
      * - aovs
        - |string|
@@ -197,11 +204,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
                     sample,
                     seed,
                     dr.opaque(mi.UInt32, spp),
+                    self._dither,
                 )
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None
                 frame = self._share_paths(
-                    scene, spectral_sensor, now, sampled, self._tile, sample, seed
+                    scene, spectral_sensor, now, sampled, self._tile, sample, seed, self._dither
                 )
             self._history = frame.history
             if self._camera is not None:
@@ -270,6 +278,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self.reset()
         self._scene, self._shape = scene, shape
         self._tile = pairing_tile(parameters.spatial_radius)
+        self._dither = _dither(shape[1]) if parameters.blue_noise_seeds else None
         self._plan = Plan(
             parameters,
             PathLimits(parameters.max_depth, parameters.rr_depth),
@@ -305,6 +314,13 @@ def _collection_paused() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+def _dither(width: int) -> Dither:
+    """Dithering of the candidates' numbers by the ready-made mask, for images of a width."""
+    dither = Dither(mask_texture(load_mask()), dr.opaque(mi.UInt32, width))
+    dr.make_opaque(dither.mask.levels)
+    return dither
 
 
 def _criterion(name: str, scene: mi.Scene) -> Criterion:

@@ -145,7 +145,7 @@ def _tree(
 ) -> Reservoir:
     """Trace one path tree and stream its sub-paths through ``reservoir``."""
     criterion = mapping.criterion
-    name = _Name(pixel, sample, seed, path_stream(pixel, sample, seed))
+    name = _Name(pixel, sample, seed, path_stream(pixel, sample, seed, mapping.dither))
     choices = pass_stream(INITIAL, pixel, sample, seed)
     lambdas, response_weight = wavelengths(sensor, name.stream)
     head = at_primary(hit, lambdas, response_weight)

@@ -46,6 +46,7 @@ from ..paths.scattering import (
 from ..paths.spectrum import wavelengths
 from ..paths.vertex import compact, seen_from
 from ..resampling.reservoir import Reservoir
+from ..sampling.dither import Dither
 from ..sampling.streams import path_stream
 from ..shifts.hybrid import shift
 from ..shifts.mapping import ShiftMapping
@@ -73,7 +74,7 @@ def retrace(
         The same paths in the current scene; weight 0 where a path no longer carries light.
     """
     active = active & (history.weight > 0)
-    path = _retrace_suffix(scene, sensor, history.path, hit, active)
+    path = _retrace_suffix(scene, sensor, history.path, hit, mapping.dither, active)
     renewed = shift(scene, sensor, path, hit, mapping, active)
     return Reservoir(
         with_factor(path, renewed.factor),
@@ -85,10 +86,15 @@ def retrace(
 
 @dr.syntax
 def _retrace_suffix(
-    scene: mi.Scene, sensor: mi.Sensor, path: PathRecord, hit: PrimaryHit, active: Any
+    scene: mi.Scene,
+    sensor: mi.Sensor,
+    path: PathRecord,
+    hit: PrimaryHit,
+    dither: Dither | None,
+    active: Any,
 ) -> PathRecord:
     """Trace everything after x_k again with the path's own numbers."""
-    stream = path_stream(path.pixel, path.sample, path.seed)
+    stream = path_stream(path.pixel, path.sample, path.seed, dither)
     lambdas, _ = wavelengths(sensor, stream)
     kind, k, d = kind_of(path), reconnection_index(path), edge_count(path)
     by_nee = ends_by_nee(path)

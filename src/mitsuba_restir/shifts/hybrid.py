@@ -69,7 +69,7 @@ def shift(
     kind = kind_of(path)
     present = active & (kind != kinds.EMPTY) & exists(hit.vertex)
 
-    stream = path_stream(path.pixel, path.sample, path.seed)
+    stream = path_stream(path.pixel, path.sample, path.seed, mapping.dither)
     lambdas, response_weight = wavelengths(sensor, stream)
 
     by_hit = kind == kinds.REPLAY_HIT

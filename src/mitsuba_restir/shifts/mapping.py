@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..sampling.dither import Dither
 from .connectability import Criterion
 
 OK = 0
@@ -37,11 +38,15 @@ class ShiftMapping:
         Largest index of a reconnection vertex (None: any).
     replays : bool
         Whether a prefix may be replayed. Without it only paths that need none can be shifted.
+    dither : Dither or None
+        Where the first random numbers of every path come from; None is the hash alone. Candidates
+        and replay use the same, or a replay would repeat another path.
     """
 
     criterion: Criterion
     last_index: int | None
     replays: bool
+    dither: Dither | None = None
 
 
 def shift_mapping(name: str, criterion: Criterion) -> ShiftMapping:

@@ -88,7 +88,7 @@ def pivot_of(
     active: Any,
 ) -> Pivot:
     """Replay the path's prefix from its own primary hit."""
-    stream = path_stream(path.pixel, path.sample, path.seed)
+    stream = path_stream(path.pixel, path.sample, path.seed, mapping.dither)
     lambdas, response_weight = wavelengths(sensor, stream)
     by_numbers = kind_of(path) == kinds.REPLAY_NEE
     bounces = dr.select(by_numbers, edge_count(path), reconnection_index(path)) - 2
