@@ -235,7 +235,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             ``matched``: share of pixels that found their history. One entry per reuse pass
             (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
             something to shift. ``mutations``: per class of path, its share of the pixels, the
-            acceptance rate and the mean accepted change of direction [rad].
+            acceptance rate, the share of the accepted mutations that raise the target function,
+            and the mean accepted change of direction [rad].
         """
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
@@ -344,9 +345,9 @@ def _outcome_shares(packed: list[Any], shifts: int) -> dict[str, float]:
 
 
 def _mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, float]]:
-    """Share, acceptance rate and mean accepted step of every class of path."""
+    """Share, acceptance rate, share of steps upwards and mean step of every class of path."""
     kind, accepted = mutated.kind.numpy(), mutated.accepted.numpy()
-    angle = mutated.angle.numpy()
+    raised, angle = mutated.raised.numpy(), mutated.angle.numpy()
     shares = {}
     for index, name in enumerate(CLASSES):
         inside = kind == index
@@ -354,6 +355,7 @@ def _mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, fl
         shares[name] = {
             "share": float(inside.mean()),
             "acceptance": float(accepted[inside].mean() / mutations) if inside.any() else 0.0,
+            "raised": float(raised[inside].sum() / steps),
             "angle": float(angle[inside].sum() / steps),
         }
     return shares

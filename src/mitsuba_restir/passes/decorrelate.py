@@ -39,12 +39,14 @@ class Mutated:
     """What the mutations did, per pixel.
 
     Fields: ``kind`` (``UInt32``, index into :data:`mitsuba_restir.shifts.pivot.CLASSES`),
-    ``accepted`` (``UInt32``, number of accepted steps), ``angle`` (``Float``, sum of the changes of
-    direction of the accepted steps [rad]).
+    ``accepted`` (``UInt32``, number of accepted steps), ``raised`` (``UInt32``, those of them that
+    raised the target function), ``angle`` (``Float``, sum of the changes of direction of the
+    accepted steps [rad]).
     """
 
     kind: Any
     accepted: Any
+    raised: Any
     angle: Any
 
 
@@ -66,6 +68,7 @@ def decorrelate(
     seed: Any,
     mapping: ShiftMapping,
     acceptance: Acceptance,
+    pixel: Any = None,
 ) -> tuple[Reservoir, Mutated]:
     """Run ``mutations`` steps of the Markov chain on every pixel's path.
 
@@ -77,8 +80,11 @@ def decorrelate(
         Standard deviation of a step in primary sample space (the unit square).
     acceptance : callable
         See :data:`Acceptance`.
+    pixel : UInt32, optional
+        Row-major index of each lane's pixel, where the lanes are not all pixels in order.
     """
-    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
+    if pixel is None:
+        pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
     random = pass_stream(MUTATION, pixel, sample, seed)
     active = (reservoirs.weight > 0) & movable(reservoirs.path)
     pivot = pivot_of(scene, sensor, reservoirs.path, hits, mapping, active)
@@ -87,6 +93,7 @@ def decorrelate(
 
     weight = mi.Float(reservoirs.weight)
     accepted = mi.UInt32(0)
+    raised = mi.UInt32(0)
     angle = mi.Float(0)
     i = mi.UInt32(0)
 
@@ -97,6 +104,8 @@ def decorrelate(
         take &= target(proposed.color) > 0
         weight = dr.select(take, weight * target(state.color) / target(proposed.color), weight)
         accepted += dr.select(take, mi.UInt32(1), 0)
+        brighter = target(proposed.color) > target(state.color)
+        raised += dr.select(take & brighter, mi.UInt32(1), 0)
         angle += dr.select(take, dr.norm(proposed.direction - state.direction), 0)
         state = dr.select(take, proposed, state)
         i += 1
@@ -108,7 +117,7 @@ def decorrelate(
         dr.select(moved, weight, reservoirs.weight),
         reservoirs.confidence,
     )
-    return mutated, Mutated(mutation_class(reservoirs.path), accepted, angle)
+    return mutated, Mutated(mutation_class(reservoirs.path), accepted, raised, angle)
 
 
 def _current(
