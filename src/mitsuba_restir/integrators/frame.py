@@ -9,12 +9,13 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..passes.blue_noise_rule import mutate_by_rule
 from ..passes.decorrelate import Mutated, decorrelate, metropolis_hastings
 from ..passes.initial import initial
 from ..passes.primary import Primary
 from ..passes.reproject import reproject
 from ..passes.retrace import retrace
-from ..passes.shade import auxiliary, reservoir_color
+from ..passes.shade import auxiliary, mutation_luminances, reservoir_color
 from ..passes.spatial import exchange, merge, neighbor_choices
 from ..passes.temporal import temporal
 from ..paths.camera import Camera
@@ -24,7 +25,7 @@ from ..resampling.reservoir import Reservoir, empty_reservoir
 from ..sampling.dither import Dither
 from ..sampling.pairing import PairingTile
 from ..shifts.mapping import ShiftMapping
-from .parameters import Parameters
+from .parameters import RULE, Parameters
 
 
 @dataclass
@@ -217,19 +218,29 @@ def share_paths(
     reservoirs, outcomes = sampled.reservoirs, [sampled.outcomes]
     mutated = None
     if parameters.mutations > 0:
-        reservoirs, mutated = decorrelate(
-            scene,
-            sensor,
-            reservoirs,
-            now.hit,
-            parameters.mutations,
-            parameters.mutation_step,
-            sample,
-            seed,
-            mapping,
-            metropolis_hastings,
-        )
+        steps = (parameters.mutations, parameters.mutation_step, sample, seed, mapping)
+        if parameters.blue_noise in RULE:
+            reservoirs, mutated = mutate_by_rule(
+                scene,
+                sensor,
+                reservoirs,
+                now.hit,
+                (plan.width, plan.height),
+                *steps,
+                parameters.blue_noise_weight,
+                parameters.blue_noise == "mutation_updated",
+            )
+        else:
+            reservoirs, mutated = decorrelate(
+                scene, sensor, reservoirs, now.hit, *steps, metropolis_hastings
+            )
         dr.eval(reservoirs, mutated)
+
+    kinds = [kind for _, kind in parameters.aovs]
+    luminances = []
+    if "mutation" in kinds:
+        luminances = mutation_luminances(sampled.reservoirs, reservoirs)
+        dr.eval(luminances)
 
     color = reservoir_color(reservoirs)
     for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
@@ -256,8 +267,7 @@ def share_paths(
         dr.eval(reservoirs, color)
 
     color += now.emitted
-    kinds = [kind for _, kind in parameters.aovs]
-    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence)
+    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence, luminances)
     dr.eval(color, extra)
     return Frame(
         color,

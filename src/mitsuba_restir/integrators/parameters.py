@@ -31,22 +31,33 @@ class Parameters:
     retrace_history: bool
     mutations: int
     mutation_step: float
+    blue_noise: str
+    blue_noise_weight: float
     blue_noise_seeds: bool
     aovs: tuple[tuple[str, str], ...]
 
+    @property
+    def biased(self) -> tuple[str, ...]:
+        """What was asked for that biases the image, as ``name=value``."""
+        rule = self.blue_noise in RULE and self.blue_noise_weight > 0
+        return (f"blue_noise={self.blue_noise}",) if rule else ()
+
+
+RULE = ("mutation", "mutation_updated")
+"""Values of ``blue_noise`` that name the source document's rule for mutations."""
 
 _CHOICES = {
     "shift": ("hybrid", "reconnection", "random_replay"),
     "connectability": ("footprint", "distance_roughness"),
     "neighbor_sampling": ("random", "blue_noise"),
-    "blue_noise": ("none", "mutation", "selection", "redistribution"),
+    "blue_noise": ("none", *RULE, "selection", "redistribution"),
 }
 
-_LATER: dict[str, Any] = {
-    "neighbor_sampling": "random",
-    "blue_noise": "none",
+_LATER = {
+    "neighbor_sampling": ("blue_noise",),
+    "blue_noise": ("selection", "redistribution"),
 }
-"""Announced parameters and the only value that each accepts so far."""
+"""Announced values that are not there yet."""
 
 
 def read_parameters(props: Any) -> Parameters:
@@ -58,6 +69,7 @@ def read_parameters(props: Any) -> Parameters:
         For a value outside the allowed range, naming the parameter and what is allowed.
     """
     max_depth = _integer(props, "max_depth", -1, -1)
+    _choice(props, "neighbor_sampling", "random")
     parameters = Parameters(
         max_depth=MAX_EDGES if max_depth == -1 else min(max_depth, MAX_EDGES),
         rr_depth=_integer(props, "rr_depth", 5, 1),
@@ -73,14 +85,22 @@ def read_parameters(props: Any) -> Parameters:
         retrace_history=_boolean(props, "retrace_history", False),
         mutations=_integer(props, "mutations", 0, 0, 1000),
         mutation_step=_number(props, "mutation_step", MUTATION_STEP, 1e-4, 1.0),
+        blue_noise=_choice(props, "blue_noise", "none"),
+        blue_noise_weight=_number(props, "blue_noise_weight", 0.5, 0.0, 1.0),
         blue_noise_seeds=_boolean(props, "blue_noise_seeds", False),
         aovs=_aovs(props.get("aovs", "")),
     )
-    _number(props, "blue_noise_weight", 0.5, 0.0, 1.0)
-    for name, allowed in _LATER.items():
-        value = _choice(props, name, allowed) if name in _CHOICES else props.get(name, allowed)
-        if value != allowed:
-            raise ValueError(f"restir_pt: {name}={value!r} is not available yet; use {allowed!r}")
+    for name, later in _LATER.items():
+        if props.get(name) in later:
+            ready = ", ".join(value for value in _CHOICES[name] if value not in later)
+            raise ValueError(
+                f"restir_pt: {name}={props[name]!r} is not available yet; use one of {ready}"
+            )
+    if parameters.blue_noise in RULE and parameters.mutations == 0:
+        raise ValueError(
+            f"restir_pt: blue_noise={parameters.blue_noise!r} is a rule for mutations and needs "
+            "mutations of at least 1, not 0"
+        )
     return parameters
 
 

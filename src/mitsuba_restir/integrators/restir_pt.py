@@ -95,6 +95,19 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
        - |float|
        - Standard deviation of a mutation in primary sample space. (Default: 0.05)
 
+     * - blue_noise
+       - |string|
+       - ``mutation``: mutations are accepted by a rule that prefers paths unlike those of the
+         neighbours (Fickel). It is here as a negative result: **it biases the image**, and the
+         noise does not become blue. It compares with the neighbours' luminances before the
+         mutations; ``mutation_updated`` is an experiment that keeps them up to date, a sixteenth
+         of the pixels moving at a time. Both need ``mutations``. (Default: ``none``)
+
+     * - blue_noise_weight
+       - |float|
+       - Share of that rule in the acceptance probability, from 0 (Metropolis-Hastings, unbiased) to
+         1. (Default: 0.5)
+
      * - blue_noise_seeds
        - |bool|
        - Take the first random numbers of every candidate path from blue-noise masks with random
@@ -103,8 +116,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
      * - aovs
        - |string|
        - Auxiliary images as ``name:type, ...`` with the types ``albedo``, ``sh_normal``, ``depth``,
-         ``position``, ``motion`` (previous minus current film position [pixels]) and
-         ``confidence``. (Default: none)
+         ``position``, ``motion`` (previous minus current film position [pixels]), ``confidence``
+         and ``mutation`` (luminance of F W before and after the mutations, and of the new F with
+         the old W; before spatial reuse). (Default: none)
 
     Renders with generalised resampled importance sampling (Lin et al. 2022): the candidate paths of
     a pixel are resampled together with those of its neighbours and of earlier frames. One call of
@@ -112,7 +126,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     pixel and frame. The history stays in the integrator until :py:meth:`reset`, or until the scene,
     the film size or the kind of sensor changes.
 
-    - Every mode converges to the image of ``path``; frames of one sequence are correlated.
+    - Every mode that is not named biased converges to the image of ``path``; frames of one sequence
+      are correlated.
     - A pixel's candidates share one sub-pixel (and lens) position per frame, so antialiasing comes
       from averaging frames.
     - Use a ``box`` reconstruction filter: a wider one correlates pixels and defeats denoisers.
@@ -236,7 +251,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
             something to shift. ``mutations``: per class of path, its share of the pixels, the
             acceptance rate, the share of the accepted mutations that raise the target function,
-            and the mean accepted change of direction [rad].
+            and the mean accepted change of direction [rad]. ``biased``: parameters that bias
+            the image, if there are any.
         """
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
@@ -249,11 +265,15 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             statistics["mutations"] = _mutation_shares(
                 self._frame.mutated, self.parameters.mutations
             )
+        if self.parameters.biased:
+            statistics["biased"] = list(self.parameters.biased)
         return statistics
 
     def to_string(self) -> str:
         """The integrator and its parameters as text."""
-        return f"ReSTIRPTIntegrator[{self.parameters}]"
+        biased = ", ".join(self.parameters.biased)
+        note = f", biased by {biased}" if biased else ""
+        return f"ReSTIRPTIntegrator[{self.parameters}{note}]"
 
     def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
         """Check the inputs and start a new history where the old one does not fit."""

@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit, camera_ray
+from ..paths.spectrum import target
 from ..paths.vertex import exists
 from ..resampling.reservoir import Reservoir
 
@@ -19,6 +20,7 @@ AOV_CHANNELS = {
     "position": ("X", "Y", "Z"),
     "motion": ("X", "Y"),
     "confidence": ("C",),
+    "mutation": ("before", "after", "mixed"),
 }
 """Auxiliary images and the suffixes of their channels, as Mitsuba's ``aov`` names them."""
 
@@ -28,7 +30,18 @@ def reservoir_color(reservoir: Reservoir) -> Any:
     return reservoir.color * reservoir.weight
 
 
-def auxiliary(names: Sequence[str], hit: PrimaryHit, flow: Any, confidence: Any) -> list[Any]:
+def mutation_luminances(before: Reservoir, after: Reservoir) -> list[Any]:
+    """Luminance of F W before and after the mutations, and of the new F with the old W.
+
+    The first two are equal, whatever the acceptance rule.
+    """
+    pairs = ((before, before), (after, after), (after, before))
+    return [target(path.color) * weight.weight for path, weight in pairs]
+
+
+def auxiliary(
+    names: Sequence[str], hit: PrimaryHit, flow: Any, confidence: Any, mutation: list[Any]
+) -> list[Any]:
     """Channels of the requested auxiliary images, in order, one ``Float`` per channel.
 
     Parameters
@@ -39,6 +52,8 @@ def auxiliary(names: Sequence[str], hit: PrimaryHit, flow: Any, confidence: Any)
         Previous minus current film position [pixels].
     confidence : Float
         Confidence weights of the final reservoirs.
+    mutation : list of Float
+        See :func:`mutation_luminances`; empty where it is not wanted.
     """
     images: dict[str, Any] = {
         "sh_normal": hit.normal,
@@ -46,6 +61,7 @@ def auxiliary(names: Sequence[str], hit: PrimaryHit, flow: Any, confidence: Any)
         "position": hit.vertex.p,
         "motion": flow,
         "confidence": [confidence],
+        "mutation": mutation,
     }
     if "albedo" in names:
         ray, pi = camera_ray(hit, dr.zeros(mi.Ray3f).wavelengths)
