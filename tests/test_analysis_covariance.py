@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mitsuba_restir.analysis import covariance, covariance_images
+from mitsuba_restir.analysis import covariance, covariance_images, covariance_products
 from mitsuba_restir.analysis.images import LUMINANCE_WEIGHTS, smoothed_reference
 
 RADIUS = 2
@@ -89,12 +89,11 @@ def test_images_against_numpy(field: tuple[np.ndarray, np.ndarray]) -> None:
 def test_bootstrap_resamples_whole_runs(field: tuple[np.ndarray, np.ndarray]) -> None:
     """A resample's covariance from inner products is that of the resampled images themselves."""
     runs, reference = field
-    deviations = covariance.relative_deviations(runs, reference)
-    gram = covariance._Gram.of(deviations, RADIUS)
+    products = covariance_products.run_products([runs], reference, radius=RADIUS)
     counts = np.array([2, 0, 1, 1, 0, 2])
     drawn = np.repeat(runs, counts, axis=0)
     expected = covariance.relative_covariance(drawn, reference, radius=RADIUS, resamples=10)
-    found = gram.draws(counts[None].astype(float))
+    found = products.draws(counts[None].astype(float))
     assert found[0][0] == pytest.approx(expected.covariance.value, rel=1e-9)
     assert found[1][0] == pytest.approx(expected.with_self.value, rel=1e-9)
     assert found[2][0] == pytest.approx(expected.variance.value, rel=1e-9)

@@ -270,10 +270,12 @@ def test_every_quantity_can_be_measured(
     if "denoised" in name:
         pytest.importorskip("mitsuba_oidn")
     changes = [f'quantities=["{name}"]', "warmup=0", "keep='all'", 'sizes=["48x32"]']
-    changes.append("reference.spp=4096")
+    changes += ["reference.spp=4096", "runs=4"]
     table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
     assert {row.variant for row in table.rows} >= {"better"}
-    assert all(np.isfinite([row.value.value, row.value.low]).all() for row in table.rows)
+    assert all(np.isfinite(row.value.value) for row in table.rows)
+    if name != "block_bias":
+        assert all(np.isfinite(row.value.low) for row in table.rows)
     ratios = [row.ratio.value for row in table.rows if row.ratio is not None]
     assert all(ratio > 0.0 for ratio in ratios) or name.startswith("covariance")
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from .covariance import check_radius, relative_deviations, window_counts, window_sums
+from .covariance_products import check_radius, relative_deviations, window_counts, window_sums
 from .images import FloatArray
 
 

@@ -82,17 +82,36 @@ def power_spectrum(errors: ArrayLike, *, window: Window = "hann") -> FloatArray:
     """
     e = finite(errors, "The errors", (2, 3))
     e = e[None] if e.ndim == 2 else e
-    h = np.ones(e.shape[1:])
-    if window == "hann":
-        rows, columns = (signal.windows.hann(n, sym=False) for n in e.shape[1:])
-        h = np.outer(rows, columns)
-    elif window != "none":
-        raise ValueError(f"The window is 'hann' or 'none', not {window!r}.")
+    h = _weights(e.shape[1:], window)
     centred = e - e.mean(axis=(1, 2), keepdims=True)
     power = np.zeros(e.shape[1:])
     for frame in centred:
         power += np.abs(np.fft.fft2(h * frame)) ** 2
     return power / (len(e) * np.sum(h**2))
+
+
+def _weights(shape: tuple[int, ...], window: Window) -> FloatArray:
+    if window == "none":
+        return np.ones(shape)
+    if window != "hann":
+        raise ValueError(f"The window is 'hann' or 'none', not {window!r}.")
+    rows, columns = (signal.windows.hann(n, sym=False) for n in shape)
+    return np.outer(rows, columns)
+
+
+def white_power(variance: ArrayLike, *, window: Window = "hann") -> float:
+    """
+    Power that independent noise has in `power_spectrum`, at every frequency, in expectation.
+
+    Parameters
+    ----------
+    variance : array_like, (H, W)
+        Of each pixel; it need not be the same everywhere: sum h² variance / sum h².
+    window : {"hann", "none"}
+    """
+    v = finite(variance, "The variance", (2,))
+    h = _weights(v.shape, window)
+    return float(np.sum(h**2 * v) / np.sum(h**2))
 
 
 def frequencies(shape: tuple[int, ...]) -> FloatArray:

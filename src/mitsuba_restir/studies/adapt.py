@@ -56,6 +56,10 @@ def without(study: Study, names: Collection[str]) -> Study:
                 f"no variant '{name}' to leave out: there are {', '.join(study.variants)}"
             )
     left = {name: v for name, v in study.variants.items() if name not in names}
+    for name, variant in left.items():
+        for other in (variant.of, variant.blur_to):
+            if other in names:
+                raise UsageError(f"'{name}' is made of '{other}': leave it out as well")
     if not left:
         raise UsageError(f"{study.name}: no variant is left")
     lost = {n: replace(v, baseline="") if v.baseline in names else v for n, v in left.items()}

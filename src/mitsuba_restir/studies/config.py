@@ -35,21 +35,28 @@ class View:
 @dataclass(frozen=True)
 class Motion:
     """
-    A camera that moves evenly and arrives at the study's view with the last frame of a run.
+    What moves evenly and arrives with the last frame of a run, where the reference is.
 
     Fields
     ------
     step : (float, float, float)
-        World units per frame.
+        Of the camera, in world units per frame; it arrives at the study's view.
+    light : str
+        A parameter of the scene that is a transform, as in "light.to_world" of a rectangle that
+        shines. What it moves arrives where the scene has it.
+    light_step : (float, float, float)
+        Its step in world units per frame.
     """
 
-    step: Vector
+    step: Vector = (0.0, 0.0, 0.0)
+    light: str = ""
+    light_step: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Variant:
     """
-    One way to render the scene.
+    One way to render the scene, or (with `of`) what is made of another variant's images.
 
     Fields
     ------
@@ -61,12 +68,21 @@ class Variant:
         The plugin's parameters; `max_depth` is the study's unless it is given here.
     baseline : str
         The variant that this one is compared with; empty is the study's.
+    shows : str
+        Type of an auxiliary image of `restir_pt` that is taken as the frame, in place of its
+        colour; empty is the colour.
+    of, blur_to : str
+        The images of variant `of` through the Gaussian that brings their filtered MSE to that of
+        variant `blur_to`. Nothing is rendered.
     """
 
-    type: str
+    type: str = ""
     spp: int = 1
     parameters: Mapping[str, Value] = field(default_factory=dict)
     baseline: str = ""
+    shows: str = ""
+    of: str = ""
+    blur_to: str = ""
 
 
 @dataclass(frozen=True)
@@ -117,6 +133,8 @@ class Study:
         Longest path in edges, for all variants and the reference; -1 is unlimited.
     frames, warmup : int
         Measured frames of a run, and frames of history rendered before them.
+    stride : int
+        Every so many frames one is measured: frames that are far apart err less alike.
     runs, probe_runs : int
         Independent runs, and those of every probe (see `probes.PROBES`).
     seed : int
@@ -149,6 +167,7 @@ class Study:
     max_depth: int = 10
     frames: int = 1
     warmup: int = 0
+    stride: int = 1
     runs: int = 2
     probe_runs: int = 2
     seed: int = 0
@@ -179,6 +198,17 @@ class Study:
             )
         for name in self.quantities:
             self._check_quantity(name)
+        for name, variant in self.variants.items():
+            for other in filter(None, (variant.of, variant.blur_to)):
+                if other not in self.rendered():
+                    raise UsageError(
+                        f"{self.name}: '{name}' is made of '{other}', which is no rendered variant "
+                        f"({', '.join(self.rendered()) or 'there are none'})"
+                    )
+            if variant.of and self.reference is None:
+                raise UsageError(
+                    f"{self.name}: '{name}' is blurred to an error: that needs a [reference]"
+                )
         if self.motion is not None and self.frames > 1:
             raise UsageError(
                 f"{self.name}: a moving camera meets its reference in the last frame: frames must "
@@ -186,6 +216,15 @@ class Study:
             )
         if self.reference and self.reference.file and len(self.sizes) > 1:
             raise UsageError(f"{self.name}: a reference file fits one size, not {len(self.sizes)}")
+
+    @property
+    def length(self) -> int:
+        """Frames of a run, those before the measured ones and between them included."""
+        return self.warmup + (self.frames - 1) * self.stride + 1
+
+    def rendered(self) -> list[str]:
+        """Names of the variants that are rendered, in order; the others are made of these."""
+        return [name for name, variant in self.variants.items() if not variant.of]
 
     def baseline_of(self, variant: str) -> str:
         """Return the variant that a variant is compared with."""
@@ -208,5 +247,7 @@ class Study:
             raise UsageError(f"{self.name}: '{name}' starts from nothing: it needs warmup = 0")
         if needs.sequences and (self.keep != "all" or self.frames < 2):
             raise UsageError(f"{self.name}: '{name}' needs keep = 'all' and at least 2 frames")
+        if needs.sequences and self.stride > 1:
+            raise UsageError(f"{self.name}: '{name}' needs consecutive frames: stride = 1")
         if self.runs < needs.least_runs:
             raise UsageError(f"{self.name}: '{name}' needs at least {needs.least_runs} runs")

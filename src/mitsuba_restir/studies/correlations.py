@@ -7,22 +7,27 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from scipy import stats
 
-from ..analysis import perceptual, spectrum
-from ..analysis.covariance import covariance_ratio, relative_covariance, temporal_covariance
-from ..analysis.images import FloatArray, luminance, smoothed_reference
+from ..analysis import intervals, spectrum
+from ..analysis.covariance import (
+    covariance_of_products,
+    ratio_of_products,
+    relative_covariance,
+    temporal_covariance,
+)
+from ..analysis.covariance_products import RunProducts, run_products
+from ..analysis.images import FloatArray, luminance
 from ..analysis.intervals import Interval
-from ..analysis.pixel_bias import mean_bias
-from .results import Image, Measured, ReferenceImage, Row, Run
+from .frame_errors import CLIP, chain_spectra, frames_of
+from .results import Image, Measured, Row, Run
 from .scalars import make_row, reference_of, rows_of_runs
 
-# Fireflies are white noise at a power that would hide everything else.
-_CLIP = 4.0
-_SIGMA = 1.5
+# The low frequencies that eyes and denoisers see; what blue noise has little of.
+_LOW = (0.0, 0.125)
 
 
 def covariance(data: Measured) -> Iterator[Row]:
-    """Relative covariance of the last frames of the runs, within 8 pixels."""
-    yield from _covariance(data, "", lambda image: np.asarray(image, dtype=np.float64))
+    """Relative covariance between runs within 8 pixels, mean over the frames of a run."""
+    yield from _covariance(data, "", luminance)
 
 
 def clipped_covariance(data: Measured) -> Iterator[Row]:
@@ -31,52 +36,45 @@ def clipped_covariance(data: Measured) -> Iterator[Row]:
 
     Where a few fireflies carry the covariance, this is what the rest of the image has.
     """
-    ceiling = (1.0 + _CLIP) * smoothed_reference(reference_of(data).image)
+    ceiling = (1.0 + CLIP) * reference_of(data).scale
     yield from _covariance(data, ", clipped", lambda image: np.minimum(luminance(image), ceiling))
 
 
 def _covariance(
     data: Measured, label: str, prepare: Callable[[Image], FloatArray]
 ) -> Iterator[Row]:
-    reference = reference_of(data).image
-    stacks = {
-        name: np.stack([prepare(run.last) for run in runs]) for name, runs in data.runs.items()
-    }
-    for name, own in stacks.items():
-        found = relative_covariance(own, reference)
+    found = {name: _products(data, runs, prepare) for name, runs in data.runs.items()}
+    for name, own in found.items():
+        total = covariance_of_products(own)
         ratio, p_value = None, None
         if partner := data.partner(name):
-            ratio = covariance_ratio(own, stacks[partner], reference)
-            p_value = _p_value(ratio, len(own))
+            ratio = ratio_of_products(own, found[partner])
+            p_value = ratio_p_value(ratio, own.runs)
         quantity = f"relative covariance r=8{label}"
-        yield make_row(data, name, quantity, "", found.covariance, ratio, p_value=p_value)
-        yield make_row(data, name, f"{quantity}, with j=i", "", found.with_self, None)
-        yield make_row(data, name, f"mean correlation r=8{label}", "", found.normalised, None)
+        yield make_row(data, name, quantity, "", total.covariance, ratio, p_value=p_value)
+        yield make_row(data, name, f"{quantity}, with j=i", "", total.with_self, None)
+        yield make_row(data, name, f"mean correlation r=8{label}", "", total.normalised, None)
 
 
-def _p_value(ratio: Interval, runs: int) -> float | None:
-    """Two-sided p-value of a bootstrapped ratio against 1: Student's t of its logarithm."""
-    if not (ratio.value > 0.0 and ratio.standard_error > 0.0):
+def _products(
+    data: Measured, runs: Sequence[Run], prepare: Callable[[Image], FloatArray]
+) -> RunProducts:
+    images = [np.stack([prepare(frame) for frame in frames_of(data, run)]) for run in runs]
+    frames = [np.stack(same_frame) for same_frame in zip(*images, strict=True)]
+    return run_products(frames, reference_of(data).image)
+
+
+def ratio_p_value(ratio: Interval | None, runs: int) -> float | None:
+    """Two-sided p-value of a ratio against 1: Student's t of its logarithm."""
+    if ratio is None or not (ratio.value > 0.0 and ratio.standard_error > 0.0):
         return None
     score = np.log(ratio.value) * ratio.value / ratio.standard_error
     return float(2.0 * stats.t.sf(abs(score), runs - 1))
 
 
-def relative_errors(run: Run, reference: ReferenceImage) -> FloatArray:
-    """Clipped relative errors of the last frame, or of all where they are kept: (F, H, W)."""
-    frames = run.frames
-    frames = run.last[None] if frames is None else frames
-    errors = [spectrum.relative_error(image, reference.image, clip=_CLIP) for image in frames]
-    return np.stack(errors)
-
-
 def bands(data: Measured) -> Iterator[Row]:
     """Power of the relative error by frequency band; each run is one chain."""
-    reference = reference_of(data)
-    spectra = {
-        name: np.stack([spectrum.power_spectrum(relative_errors(run, reference)) for run in runs])
-        for name, runs in data.runs.items()
-    }
+    spectra = chain_spectra(data, reference_of(data))
     f = spectrum.frequencies(spectra[data.baseline].shape[1:])
     # Small images have no frequency in the lowest bands.
     resolved = [
@@ -84,17 +82,26 @@ def bands(data: Measured) -> Iterator[Row]:
         for low, high in (*spectrum.TABLE_BANDS, *spectrum.FINE_BANDS)
         if np.any((f >= low) & (f < high))
     ]
+    for low, high in resolved:
+        powers = {
+            name: spectrum.band_power(own, [(low, high)])[:, 0] for name, own in spectra.items()
+        }
+        yield from rows_of_runs(data, f"power {low:g}-{high:g}", "", powers)
+
+
+def low_frequencies(data: Measured) -> Iterator[Row]:
+    """
+    Power up to 1/8 cycle/pixel, and the same over the mean power: 1 for white noise.
+
+    The curves that these sum up are in `spectra.csv`, which a report writes.
+    """
+    spectra = chain_spectra(data, reference_of(data))
+    powers = {name: spectrum.band_power(own, [_LOW])[:, 0] for name, own in spectra.items()}
+    yield from rows_of_runs(data, f"power 0-{_LOW[1]:g}", "", powers)
     for name, own in spectra.items():
-        partner = data.partner(name)
-        other = spectra[partner] if partner else None
-        for found in spectrum.compare_bands(own, other, bands=resolved):
-            low, high = found.band
-            yield make_row(data, name, f"power {low:g}-{high:g}", "", found.power, found.ratio)
-
-
-def filtered_mse(run: Run, reference: ReferenceImage) -> float:
-    """Mean squared relative error of a run's frames, seen through a Gaussian of 1.5 pixels."""
-    return perceptual.filtered_mse(relative_errors(run, reference), _SIGMA)
+        shares = np.array([spectrum.low_frequency_share(power, limit=_LOW[1]) for power in own])
+        value = intervals.mean_interval(shares)
+        yield make_row(data, name, "low-frequency share, white = 1", "", value, None)
 
 
 def covariance_of_frames(data: Measured) -> Iterator[Row]:
@@ -130,12 +137,3 @@ def covariance_in_sequence(data: Measured) -> Iterator[Row]:
         for name, runs in data.runs.items()
     }
     yield from rows_of_runs(data, "covariance r=8 within a sequence", "", values)
-
-
-def paired_mean(data: Measured) -> Iterator[Row]:
-    """Relative difference of mean luminance from the baseline, over the same runs."""
-    for name, runs in data.runs.items():
-        if partner := data.partner(name):
-            pair = [np.stack([run.mean for run in other]) for other in (runs, data.runs[partner])]
-            value = mean_bias(*pair)
-            yield make_row(data, name, "mean against the baseline, minus 1", "", value, None)

@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from ..analysis import metrics
 from ..analysis.denoise import denoise
+from .frame_errors import few_frames_of
 from .noise import check_reference
-from .results import Measured, Row, Run
-from .scalars import per_run, reference_of, relmse
+from .results import Image, Measured, Row, Run
+from .scalars import of_frames, relmse
 
 
 def denoised(data: Measured) -> Iterator[Row]:
-    """RMSE, relMSE and HDR-FLIP of the last frames after OIDN's filter without guides."""
-    r = reference_of(data)
-    cleaned = {name: [_denoised(run) for run in runs] for name, runs in data.runs.items()}
-    check_reference(data, cleaned, "denoised")
-    clean = replace(data, runs=cleaned)
-    yield from per_run(
-        clean,
-        "RMSE after OIDN",
-        "",
-        lambda run: metrics.rmse(run.last, r.image, reference_variance=r.variance),
-    )
-    yield from per_run(clean, "relMSE after OIDN", "", lambda run: relmse(data, run.last, 0.0))
-    yield from per_run(
-        clean, "HDR-FLIP after OIDN", "", lambda run: metrics.hdr_flip(run.last, r.image).mean
-    )
+    """RMSE, relMSE and HDR-FLIP of at most 2 frames of a run after OIDN's filter without guides."""
+    runs = {name: [_denoised(data, run) for run in runs] for name, runs in data.runs.items()}
+    check_reference(data, runs, "denoised")
+    clean = replace(data, runs=runs)
+    measures = {
+        "RMSE": lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
+        "relMSE": lambda data, image, _: relmse(data, image, 0.0),
+        "HDR-FLIP": lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
+    }
+    for name, measure in measures.items():
+        yield from of_frames(f"{name} after OIDN", measure)(clean)
 
 
-def _denoised(run: Run) -> Run:
-    return replace(run, last=denoise(run.last).astype(np.float32), load_frames=None)
+def _denoised(data: Measured, run: Run) -> Run:
+    frames = [denoise(frame).astype(np.float32) for frame in few_frames_of(data, run)]
+    return replace(run, last=frames[-1], load_frames=partial(_stack, frames))
+
+
+def _stack(frames: Sequence[Image]) -> Image:
+    return np.stack(frames)

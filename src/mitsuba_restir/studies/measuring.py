@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ..errors import RenderError
 from .config import Study
 from .noise import NoisyReferenceError, check_reference
 from .quantities import QUANTITIES
 from .results import Measured, Row
+from .scalars import lone
 
 
 def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
@@ -26,8 +28,13 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
     RenderError
         An image holds values that are not finite, or a package is missing.
     """
-    rows: list[Row] = []
+    rows: list[Row] = [
+        Row(data.size, name, "Gaussian of the blur", "px", lone(sigma), None, len(data.runs[name]))
+        for name, sigma in data.blurs.items()
+    ]
     notes: list[str] = []
+    if study.shows_images():
+        data = replace(data, runs={name: runs for name, runs in data.runs.items() if runs})
     try:
         if study.shows_images() and not data.runs.get(data.baseline):
             raise ValueError(f"the baseline '{data.baseline}' has no finished run")

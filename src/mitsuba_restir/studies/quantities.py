@@ -6,19 +6,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..analysis import metrics
+from .biases import block_biases, paired_mean, pixel_biases
 from .correlations import (
     bands,
     clipped_covariance,
     covariance,
     covariance_in_sequence,
     covariance_of_frames,
-    filtered_mse,
-    paired_mean,
+    low_frequencies,
 )
 from .denoised import denoised
+from .frame_errors import few_frames_of, filtered_mse
 from .probed import memory_slopes, of_probe
 from .results import Measured, Row
-from .scalars import equal_time, frame_time, of_last, relmse, speed
+from .scalars import equal_time, frame_time, of_frames, of_mean, relative_rmse, relmse, speed
 
 
 @dataclass(frozen=True)
@@ -59,48 +60,57 @@ QUANTITIES: Mapping[str, Quantity] = {
     "time": Quantity("median time of a frame, and of interleaved pairs", frame_time),
     "speed": Quantity("frames per second and time per pixel", speed),
     "rmse": Quantity(
-        "root mean squared error of the last frame",
-        of_last(
+        "root mean squared error of a frame",
+        of_frames(
             "RMSE",
-            lambda _, run, r: metrics.rmse(run.last, r.image, reference_variance=r.variance),
+            lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
         ),
         needs_reference=True,
     ),
+    "rmse_relative": Quantity(
+        "root mean squared relative error of the luminance of a frame, clipped at 4 and not",
+        relative_rmse,
+        needs_reference=True,
+    ),
     "relmse": Quantity(
-        "relative mean squared error of the last frame",
-        of_last("relMSE", lambda data, run, _: relmse(data, run.last, 0.0)),
+        "relative mean squared error of a frame",
+        of_frames("relMSE", lambda data, image, _: relmse(data, image, 0.0)),
         needs_reference=True,
     ),
     "relmse_trimmed": Quantity(
-        "relMSE of the last frame without the worst pixels",
-        of_last("relMSE, trimmed", lambda data, run, _: relmse(data, run.last, data.trim)),
+        "relMSE of a frame without the worst pixels",
+        of_frames("relMSE, trimmed", lambda data, image, _: relmse(data, image, data.trim)),
         needs_reference=True,
     ),
     "relmse_average": Quantity(
         "relMSE of the average of all frames",
-        of_last("relMSE of the average", lambda data, run, _: relmse(data, run.mean, 0.0)),
+        of_mean("relMSE of the average", lambda data, image, _: relmse(data, image, 0.0)),
         needs_reference=True,
     ),
     "smape": Quantity(
-        "symmetric mean absolute error of the last frame",
-        of_last("SMAPE", lambda _, run, r: metrics.smape(run.last, r.image)),
+        "symmetric mean absolute error of a frame",
+        of_frames("SMAPE", lambda _, image, r: metrics.smape(image, r.image)),
         needs_reference=True,
     ),
     "flip": Quantity(
-        "HDR-FLIP of the last frame",
-        of_last("HDR-FLIP", lambda _, run, r: metrics.hdr_flip(run.last, r.image).mean),
+        "HDR-FLIP of at most 2 frames of a run",
+        of_frames(
+            "HDR-FLIP",
+            lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
+            frames=few_frames_of,
+        ),
         needs_reference=True,
     ),
     "mean_ratio": Quantity(
         "mean luminance of all frames over the reference's",
-        of_last("mean ratio", lambda _, run, r: metrics.mean_ratio(run.mean, r.image)),
+        of_mean("mean ratio", lambda _, image, r: metrics.mean_ratio(image, r.image)),
         needs_reference=True,
     ),
     "filtered_mse": Quantity(
-        "mean squared relative error of the last frame seen through a Gaussian of 1.5 pixels",
-        of_last(
+        "mean squared relative error of a frame, clipped at 4, through a Gaussian of 1.5 pixels",
+        of_frames(
             "filtered MSE, 1.5 px",
-            lambda _, run, r: filtered_mse(run, r),
+            lambda _, image, r: filtered_mse(image[None], r),
         ),
         needs_reference=True,
     ),
@@ -112,7 +122,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         least_runs=2,
     ),
     "covariance": Quantity(
-        "relative covariance of the last frames of the runs",
+        "relative covariance between runs",
         covariance,
         needs_reference=True,
         least_runs=2,
@@ -132,6 +142,12 @@ QUANTITIES: Mapping[str, Quantity] = {
     "bands": Quantity(
         "power of the relative error by frequency band", bands, needs_reference=True, least_runs=2
     ),
+    "radial_spectrum": Quantity(
+        "power of the relative error up to 1/8 cycle/pixel, and its share; curves in spectra.csv",
+        low_frequencies,
+        needs_reference=True,
+        least_runs=2,
+    ),
     "temporal_covariance": Quantity(
         "relative covariance of consecutive frames",
         covariance_of_frames,
@@ -142,8 +158,20 @@ QUANTITIES: Mapping[str, Quantity] = {
     "mean_bias": Quantity(
         "mean luminance against the baseline's, run by run", paired_mean, least_runs=2
     ),
+    "block_bias": Quantity(
+        "share of blocks of pixels whose mean differs from the reference's, and a test of all",
+        block_biases,
+        needs_reference=True,
+        least_runs=4,
+    ),
+    "pixel_bias": Quantity(
+        "rms bias of single pixels, by products of independent runs",
+        pixel_biases,
+        needs_reference=True,
+        least_runs=2,
+    ),
     "denoised": Quantity(
-        "RMSE, relMSE and HDR-FLIP of the last frame after OIDN, without guides",
+        "RMSE, relMSE and HDR-FLIP of a frame after OIDN, without guides",
         denoised,
         needs_reference=True,
     ),

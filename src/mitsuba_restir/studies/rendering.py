@@ -16,6 +16,7 @@ import numpy as np
 from .. import scenes
 from ..errors import UsageError, one_line
 from .config import Size, Study, Variant
+from .motion import make_place
 from .results import Image
 
 _COPIED = {
@@ -25,6 +26,7 @@ _COPIED = {
     },
     "ThinLensCamera": {"aperture_radius": "aperture_radius", "focus_distance": "focus_distance"},
 }
+_SHOWN = "shown"
 _PLUGINS = {"PerspectiveCamera": "perspective", "ThinLensCamera": "thinlens"}
 
 
@@ -42,9 +44,11 @@ class Renderer:
     has_history : bool
         Frames depend on earlier ones.
     place : callable or None
-        Moves the camera to where it is so many frames before the last.
+        Moves camera and light to where they are so many frames before the last.
     statistics, history : callable or None
         What the integrator says about its last frame, and what it keeps for the next one.
+    channel : int
+        The first of the three channels that are taken as the frame.
     """
 
     draw: Callable[[int], Any]
@@ -53,6 +57,7 @@ class Renderer:
     place: Callable[[int], None] | None = None
     statistics: Callable[[], Mapping[str, Any]] | None = None
     history: Callable[[], Any] | None = None
+    channel: int = 0
 
     def frame_before_last(self, seed: int, frames: int) -> tuple[Image, float]:
         """Render the frame that comes so many frames before the last one."""
@@ -76,7 +81,8 @@ class Renderer:
         dr.eval(tensor)
         dr.sync_thread()
         seconds = time.perf_counter() - begin
-        return np.array(tensor, dtype=np.float32)[..., :3], seconds
+        first = self.channel
+        return np.array(tensor, dtype=np.float32)[..., first : first + 3], seconds
 
 
 def seed_of(study_seed: int, *key: int) -> int:
@@ -176,11 +182,22 @@ def make_integrator(study: Study, name: str, variant: Variant) -> Any:
     UsageError
         The plugin or one of its parameters does not exist, or a value is refused.
     """
-    parameters = {"max_depth": study.max_depth, **variant.parameters}
+    parameters: dict[str, Any] = {"max_depth": study.max_depth, **variant.parameters}
+    if variant.shows:
+        others = parameters.get("aovs", "")
+        parameters["aovs"] = f"{_SHOWN}:{variant.shows}" + (f", {others}" if others else "")
     try:
-        return mi.load_dict({"type": variant.type, **parameters})
+        integrator = mi.load_dict({"type": variant.type, **parameters})
     except (RuntimeError, ValueError, TypeError) as error:
         raise UsageError(f"{study.name}: variant '{name}': {one_line(error)}") from error
+    if variant.shows:
+        channels = [c for c in integrator.aov_names() if c.startswith(f"{_SHOWN}.")]
+        if len(channels) != 3:
+            raise UsageError(
+                f"{study.name}: variant '{name}' cannot show '{variant.shows}': it has "
+                f"{len(channels)} channels, not 3"
+            )
+    return integrator
 
 
 def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Variant) -> Renderer:
@@ -194,7 +211,7 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
     """
     integrator = make_integrator(study, name, variant)
     sensor = make_sensor(study, scene, size)
-    place = _placer(study, sensor)
+    place = make_place(study, scene, sensor)
     reset = getattr(integrator, "reset", None)
     if reset is not None or not study.freeze:
 
@@ -205,7 +222,10 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
 
         statistics = getattr(integrator, "statistics", None)
         history = None if reset is None else lambda: integrator._history
-        return Renderer(draw, reset or _nothing, reset is not None, place, statistics, history)
+        channel = 3 if variant.shows else 0
+        return Renderer(
+            draw, reset or _nothing, reset is not None, place, statistics, history, channel
+        )
 
     @dr.freeze
     def frozen(scene: Any, sensor: Any, seed: Any) -> Any:
@@ -218,25 +238,6 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
         return frozen(scene, sensor, dr.opaque(mi.UInt32, seed))
 
     return Renderer(draw_frozen, _nothing, False, place)
-
-
-def _placer(study: Study, sensor: Any) -> Callable[[int], None] | None:
-    """Make what moves a sensor along the study's motion; the sensor is where the motion ends."""
-    if study.motion is None:
-        return None
-    parameters = mi.traverse(sensor)
-    end = np.array(parameters["to_world"].matrix, dtype=np.float64).reshape(4, 4)
-    step = np.array(study.motion.step)
-
-    def place(frames: int) -> None:
-        matrix = end.copy()
-        matrix[:3, 3] -= frames * step
-        moved = mi.ScalarTransform4f(matrix)
-        parameters["to_world"] = type(parameters["to_world"])(moved.matrix)
-        dr.make_opaque(parameters["to_world"])
-        parameters.update()
-
-    return place
 
 
 def _nothing() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from ..analysis.images import FloatArray, luminance, smoothed_reference
 from ..analysis.intervals import Interval
 
 Image = npt.NDArray[np.float32]
@@ -23,7 +25,7 @@ class Run:
     last, mean : array, (H, W, 3)
         Last measured frame, and the mean of all measured frames.
     times : array, (frames,)
-        Seconds of each measured frame.
+        Seconds of each measured frame; empty where nothing was rendered.
     load_frames : callable or None
         Reads every measured frame, (frames, H, W, 3), where the study keeps all.
     """
@@ -48,10 +50,28 @@ class ReferenceImage:
     ------
     image, variance : array, (H, W, 3)
         Mean, and variance of the mean (zero where unknown).
+    smooth : float
+        Standard deviation in pixels of the Gaussian that both have been smoothed by.
     """
 
     image: npt.NDArray[np.float64]
     variance: npt.NDArray[np.float64]
+    smooth: float = 0.0
+
+    @cached_property
+    def luminance(self) -> FloatArray:
+        """Luminance of the image, (H, W)."""
+        return luminance(self.image)
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """What relative errors are divided by, (H, W): the smoothed luminance."""
+        return smoothed_reference(self.luminance)
+
+    @cached_property
+    def luminance_variance(self) -> FloatArray:
+        """Variance of the luminance, (H, W), as if the channels erred as one (they nearly do)."""
+        return luminance(np.sqrt(self.variance)) ** 2
 
 
 @dataclass(frozen=True)
@@ -74,6 +94,12 @@ class Measured:
         Of relMSE and its trimmed value.
     probes : mapping of (str, str) to sequence of mapping
         What a probe said of each run of a variant, by variant and probe.
+    settled : bool
+        The measured frames of a run come after a warm-up and are alike.
+    blurs : mapping of str to float
+        Standard deviation in pixels of the Gaussian of each variant that is made by one.
+    notes : sequence of str
+        What cannot be given, and why.
     """
 
     size: str
@@ -84,11 +110,14 @@ class Measured:
     epsilon: float
     trim: float
     probes: Mapping[tuple[str, str], Sequence[Mapping[str, float]]] = field(default_factory=dict)
+    settled: bool = False
+    blurs: Mapping[str, float] = field(default_factory=dict)
+    notes: Sequence[str] = ()
 
     def partner(self, variant: str) -> str | None:
         """Return the variant that one is compared with run by run; None where that cannot be."""
         other = self.baselines.get(variant, self.baseline)
-        paired = len(self.runs[variant]) == len(self.runs[other]) > 1
+        paired = len(self.runs[variant]) == len(self.runs.get(other, ())) > 1
         return other if other != variant and paired else None
 
     @property

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .config import Size, Study
+from .derived import with_derived
 from .measuring import measure_across, measure_size
 from .probes import PROBES
 from .reference import (
@@ -72,7 +73,7 @@ def measure(folder: StudyFolder) -> Table:
     study = folder.study
     sizes = [load_size(folder, size) for size in study.sizes]
     rows: list[Row] = []
-    notes = list(folder.refused)
+    notes = [*folder.refused, *(note for data in sizes for note in data.notes)]
     for data in sizes:
         found, refused = measure_size(study, data)
         rows += found
@@ -96,9 +97,18 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
     reference = load_reference(folder, size)
     label = f"{size[0]}x{size[1]}"
     baselines = {name: study.baseline_of(name) for name in study.variants}
-    return Measured(
-        label, runs, study.baseline, baselines, reference, study.epsilon, study.trim, probes
+    rendered = Measured(
+        label,
+        runs,
+        study.baseline,
+        baselines,
+        reference,
+        study.epsilon,
+        study.trim,
+        probes,
+        settled=study.warmup > 0,
     )
+    return with_derived(study, rendered)
 
 
 def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | None = None) -> None:
@@ -135,7 +145,7 @@ def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
         for index in range(study.probe_runs)
         for size in study.sizes
         for probe in study.probes()
-        for name in study.variants
+        for name in study.rendered()
         if folder.load_probe(size, name, probe, index) is None
     ]
 
@@ -145,7 +155,7 @@ def _missing_runs(folder: StudyFolder, size: Size) -> dict[int, list[str]]:
     if not study.shows_images():
         return {}
     missing = {
-        index: [name for name in study.variants if folder.load_run(size, name, index) is None]
+        index: [name for name in study.rendered() if folder.load_run(size, name, index) is None]
         for index in range(study.runs)
     }
     return {index: names for index, names in missing.items() if names}
@@ -153,7 +163,7 @@ def _missing_runs(folder: StudyFolder, size: Size) -> dict[int, list[str]]:
 
 def _frames_to_render(study: Study, todo: dict[Size, dict[int, list[str]]]) -> int:
     runs = sum(len(names) for missing in todo.values() for names in missing.values())
-    return runs * (study.warmup + study.frames)
+    return runs * study.length
 
 
 def _renderers(
@@ -202,7 +212,7 @@ def _render_remotely(
             load = None if frames is None else partial(_same, frames)
             run = Run(part["last"], part["mean"], part["times"], load)
             folder.save_run(size, name, index, run)
-        for _ in range(len(names) * (study.warmup + study.frames)):
+        for _ in range(len(names) * study.length):
             meter.advance(f"{size[0]}x{size[1]} run {index + 1}/{study.runs}")
 
 

@@ -45,13 +45,13 @@ def render_run(
     sums: dict[str, Any] = dict.fromkeys(renderers, 0.0)
     times: dict[str, list[float]] = {name: [] for name in renderers}
     names = list(renderers)
-    last = study.warmup + study.frames - 1
+    last = study.length - 1
     for frame in range(last + 1):
         seed = seed_of(study.seed, RUN_KEY, index, frame)
         # Whoever comes first changes with every frame: no variant profits from its place.
         first = (index + frame) % len(names)
         for name in names[first:] + names[:first]:
-            measured = frame >= study.warmup
+            measured = frame >= study.warmup and (frame - study.warmup) % study.stride == 0
             if measured or renderers[name].has_history:
                 image, seconds = renderers[name].frame_before_last(seed, last - frame)
             if measured:

@@ -11,7 +11,8 @@ from scipy import stats
 from ..analysis import intervals, metrics
 from ..analysis.images import FloatArray
 from ..analysis.intervals import Interval
-from .results import Measured, ReferenceImage, Row, Run
+from .frame_errors import CLIP, frames_of, mean_square
+from .results import Image, Measured, ReferenceImage, Row, Run
 
 
 def lone(value: float) -> Interval:
@@ -73,11 +74,15 @@ def reference_of(data: Measured) -> ReferenceImage:
     return data.reference
 
 
+def _times(data: Measured) -> dict[str, FloatArray]:
+    """Seconds of every measured frame of the variants that were rendered."""
+    found = {name: np.concatenate([r.times for r in runs]) for name, runs in data.runs.items()}
+    return {name: times for name, times in found.items() if times.size}
+
+
 def frame_time(data: Measured) -> Iterator[Row]:
     """Median time of a frame; as the ratio, the median over interleaved pairs of frames."""
-    times = {
-        name: 1e3 * np.concatenate([run.times for run in runs]) for name, runs in data.runs.items()
-    }
+    times = {name: 1e3 * seconds for name, seconds in _times(data).items()}
     for name, own in times.items():
         value = intervals.median_interval(own) if own.size > 1 else lone(float(own[0]))
         ratio, p_value = None, None
@@ -91,8 +96,7 @@ def frame_time(data: Measured) -> Iterator[Row]:
 
 def speed(data: Measured) -> Iterator[Row]:
     """Frames per second and time per pixel, from the median time of a frame."""
-    for name, runs in data.runs.items():
-        times = np.concatenate([run.times for run in runs])
+    for name, times in _times(data).items():
         seconds = intervals.median_interval(times) if times.size > 1 else lone(float(times[0]))
         error = seconds.standard_error / seconds.value**2
         rate = Interval(1.0 / seconds.value, 1.0 / seconds.high, 1.0 / seconds.low, error)
@@ -102,14 +106,42 @@ def speed(data: Measured) -> Iterator[Row]:
         yield make_row(data, name, "time of a pixel", "ns", per_pixel, None)
 
 
-def of_last(
-    name: str, measure: Callable[[Measured, Run, ReferenceImage], float], unit: str = ""
+def of_frames(
+    name: str,
+    measure: Callable[[Measured, Image, ReferenceImage], float],
+    unit: str = "",
+    frames: Callable[[Measured, Run], Image] = frames_of,
 ) -> Callable[[Measured], Iterator[Row]]:
-    """Make a quantity of one number of each run, given the data, the run and the reference."""
+    """
+    Make a quantity of one number of each run: the mean over its frames.
+
+    Parameters
+    ----------
+    measure : callable
+        Measures a frame (H, W, 3), given the data and the reference.
+    frames : callable
+        Chooses the frames.
+    """
 
     def rows(data: Measured) -> Iterator[Row]:
         reference = reference_of(data)
-        return per_run(data, name, unit, lambda run: measure(data, run, reference))
+
+        def measure_run(run: Run) -> float:
+            return float(np.mean([measure(data, image, reference) for image in frames(data, run)]))
+
+        return per_run(data, name, unit, measure_run)
+
+    return rows
+
+
+def of_mean(
+    name: str, measure: Callable[[Measured, Image, ReferenceImage], float]
+) -> Callable[[Measured], Iterator[Row]]:
+    """Make a quantity of the mean of all measured frames of each run; arguments as `of_frames`."""
+
+    def rows(data: Measured) -> Iterator[Row]:
+        reference = reference_of(data)
+        return per_run(data, name, "", lambda run: measure(data, run.mean, reference))
 
     return rows
 
@@ -126,6 +158,18 @@ def relmse(data: Measured, image: ArrayLike, trim: float) -> float:
     )
 
 
+def relative_rmse(data: Measured) -> Iterator[Row]:
+    """Root mean squared relative error of luminance: clipped at +-4, and as it is beside it."""
+    for label, clip in ((", clipped", CLIP), ("", None)):
+
+        def measure(
+            _: Measured, image: Image, r: ReferenceImage, clip: float | None = clip
+        ) -> float:
+            return float(np.sqrt(max(mean_square(image[None], r, clip), 0.0)))
+
+        yield from of_frames(f"relative RMSE{label}", measure)(data)
+
+
 def equal_time(data: Measured) -> Iterator[Row]:
     """
     Error of one frame of the baseline at its time, over error times time of a variant.
@@ -140,6 +184,8 @@ def equal_time(data: Measured) -> Iterator[Row]:
     for label, trim in (("", 0.0), (", trimmed", data.trim)):
         base = base_time * np.array([_error_of_a_frame(data, run, trim) for run in base_runs])
         for name, runs in data.runs.items():
+            if not runs[0].times.size:
+                continue
             own_time = float(np.median([run.times[-1] for run in runs]))
             all_time = float(np.median([run.times.sum() for run in runs]))
             last = np.array([relmse(data, run.last, trim) for run in runs])

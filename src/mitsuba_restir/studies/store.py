@@ -229,6 +229,7 @@ class StudyFolder:
 
 def _rendering(study: Study) -> dict[str, Any]:
     table = {key: value for key, value in to_table(study).items() if key not in _FREE_KEYS}
+    table["variants"] = {name: table["variants"][name] for name in study.rendered()}
     for variant in table["variants"].values():
         variant.pop("baseline", None)
     return table

@@ -17,16 +17,23 @@ def to_table(study: Study) -> dict[str, Any]:
     """Return the study as a complete TOML table, defaults included."""
     table: dict[str, Any] = json.loads(json.dumps(asdict(study)))
     table["sizes"] = [f"{width}x{height}" for width, height in study.sizes]
-    table["variants"] = {
-        name: {
-            "type": v.type,
-            "spp": v.spp,
-            **({"baseline": v.baseline} if v.baseline else {}),
-            **v.parameters,
-        }
-        for name, v in study.variants.items()
-    }
+    table["variants"] = {name: _variant_table(v) for name, v in study.variants.items()}
+    # These came later: studies without them keep the digests of their finished runs.
+    if study.stride == 1:
+        del table["stride"]
+    if study.motion is not None and not study.motion.light:
+        table["motion"] = {"step": list(study.motion.step)}
     return {key: value for key, value in table.items() if value is not None}
+
+
+def _variant_table(variant: Variant) -> dict[str, Any]:
+    made = {"of": variant.of, "blur_to": variant.blur_to}
+    rendered = {"type": variant.type, "spp": variant.spp, **variant.parameters}
+    optional = {"shows": variant.shows, "baseline": variant.baseline}
+    return {
+        **(made if variant.of else rendered),
+        **{name: text for name, text in optional.items() if text},
+    }
 
 
 def from_table(table: Mapping[str, Any], source: str) -> Study:
@@ -61,6 +68,7 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
         max_depth=reader.integer("max_depth", 10, least=-1),
         frames=reader.integer("frames", 1, least=1),
         warmup=reader.integer("warmup", 0, least=0),
+        stride=reader.integer("stride", 1, least=1),
         runs=reader.integer("runs", 2, least=1),
         probe_runs=reader.integer("probe_runs", 2, least=1),
         seed=reader.integer("seed", 0, least=0),
@@ -90,9 +98,14 @@ def _names(reader: fields.Reader) -> list[str]:
 
 def _variant(variants: fields.Reader, name: str) -> Variant:
     reader = variants.table(name)
-    kind, spp = reader.text("type"), reader.integer("spp", 1, least=1)
     baseline = reader.text("baseline", "")
-    return Variant(kind, spp, reader.rest(), baseline)
+    if "of" in reader.keys():
+        made = Variant(of=reader.text("of"), blur_to=reader.text("blur_to"), baseline=baseline)
+        reader.finish()
+        return made
+    kind, spp = reader.text("type"), reader.integer("spp", 1, least=1)
+    shows = reader.text("shows", "")
+    return Variant(kind, spp, reader.rest(), baseline, shows)
 
 
 def _view(reader: fields.Reader) -> View:
@@ -115,8 +128,17 @@ def _published(reader: fields.Reader) -> dict[str, dict[str, float]]:
 
 
 def _motion(reader: fields.Reader) -> Motion:
-    motion = Motion(reader.vector("step"))
+    still = (0.0, 0.0, 0.0)
+    motion = Motion(
+        reader.vector("step", still),
+        reader.text("light", ""),
+        reader.vector("light_step", still),
+    )
     reader.finish()
+    if motion.step == still and not motion.light:
+        raise UsageError(f"{reader.source}: give a step of the camera, or a light and its step")
+    if (motion.light_step == still) != (not motion.light):
+        raise UsageError(f"{reader.source}: light and light_step go together")
     return motion
 
 

@@ -1,0 +1,81 @@
+"""Quantities of what does not average out: means, blocks of pixels, single pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ..analysis.bias import mean_test
+from ..analysis.images import FloatArray, luminance
+from ..analysis.intervals import Interval
+from ..analysis.pixel_bias import mean_bias, squared_pixel_bias
+from .results import Measured, Row, Run
+from .scalars import lone, make_row, reference_of
+
+BLOCK = 8
+_LEVEL = 0.05
+_LEAST_RUNS = 4
+
+
+def paired_mean(data: Measured) -> Iterator[Row]:
+    """Relative difference of mean luminance from the baseline, over the same runs."""
+    for name, runs in data.runs.items():
+        if partner := data.partner(name):
+            value = mean_bias(_means(runs), _means(data.runs[partner]))
+            yield make_row(data, name, "mean against the baseline, minus 1", "", value, None)
+
+
+def block_biases(data: Measured) -> Iterator[Row]:
+    """
+    Blocks of pixels whose mean luminance differs from the reference's, and a test of all together.
+
+    Of blocks without a bias 5 % differ. The test's p-value is that of the most different block,
+    corrected for their number: heavy tails make it small as well.
+    """
+    reference = reference_of(data)
+    for name, runs in data.runs.items():
+        if len(runs) < _LEAST_RUNS:
+            continue
+        test = mean_test(
+            _means(runs), reference.luminance, reference.luminance_variance, block=BLOCK
+        )
+        share = float(np.mean(test.p_values < _LEVEL))
+        corrected = float(-np.expm1(test.p_values.size * np.log1p(-test.p_values.min())))
+        title = f"blocks of {BLOCK} pixels off the reference, 5 % by chance"
+        yield make_row(data, name, title, "", lone(share), None, p_value=corrected)
+
+
+def pixel_biases(data: Measured) -> Iterator[Row]:
+    """
+    Root mean square of the relative bias of single pixels, by products of independent runs.
+
+    Against the reference, whose own error is subtracted, and (where the baseline is unbiased, far
+    more surely) against the baseline on the same frames.
+    """
+    reference = reference_of(data)
+    for name, runs in data.runs.items():
+        if len(runs) < 2:
+            continue
+        means = _means(runs)
+        found = squared_pixel_bias(means, reference.luminance, reference.luminance_variance)
+        yield make_row(data, name, "rms pixel bias", "", _root(found), None)
+        if partner := data.partner(name):
+            # The squared bias of the difference: what both have of the reference cancels.
+            difference = means - _means(data.runs[partner]) + reference.luminance
+            paired = squared_pixel_bias(difference, reference.luminance)
+            yield make_row(
+                data, name, "rms pixel bias against the baseline", "", _root(paired), None
+            )
+
+
+def _means(runs: Sequence[Run]) -> FloatArray:
+    """Luminance of the mean of the frames of every run, (K, H, W)."""
+    return np.stack([luminance(run.mean) for run in runs])
+
+
+def _root(squared: Interval) -> Interval:
+    """Root of an interval of squares; a negative square is a bias that was not seen."""
+    low, value, high = np.sqrt(np.maximum([squared.low, squared.value, squared.high], 0.0))
+    error = squared.standard_error / (2.0 * value) if value > 0.0 else float("nan")
+    return Interval(float(value), float(low), float(high), float(error), squared.level)

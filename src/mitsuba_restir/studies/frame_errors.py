@@ -1,0 +1,93 @@
+"""Relative errors of a run's frames, their spectra, and what the reference's noise adds to them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..analysis import perceptual, spectrum
+from ..analysis.images import FloatArray, luminance
+from .results import Image, Measured, ReferenceImage, Run
+
+CLIP = 4.0
+"""Relative errors are clipped to +-4: fireflies are white noise that would hide all else."""
+
+SIGMA = 1.5
+"""Of the Gaussian through which the filtered error is seen, in pixels."""
+
+# Frames of a run for what takes long to compute, such as FLIP and denoising.
+_FEW = 2
+
+
+def frames_of(data: Measured, run: Run) -> Image:
+    """
+    Return the frames of a run whose numbers are averaged, (F, H, W, 3).
+
+    After a warm-up all measured frames are alike, and so all that were kept count; without one the
+    error falls from frame to frame, and only the last counts.
+    """
+    frames = run.frames if data.settled else None
+    return run.last[None] if frames is None else frames
+
+
+def few_frames_of(data: Measured, run: Run) -> Image:
+    """Return at most two of these frames, far apart."""
+    frames = frames_of(data, run)
+    return frames[:: max(len(frames) - 1, 1)][:_FEW]
+
+
+def relative_errors(frames: ArrayLike, reference: ReferenceImage, clip: float | None) -> FloatArray:
+    """Relative errors of the luminance of frames (F, H, W, 3): (F, H, W)."""
+    images = [luminance(image) for image in np.asarray(frames)]
+    errors = (np.stack(images) - reference.luminance) / reference.scale
+    return errors if clip is None else np.clip(errors, -clip, clip)
+
+
+def reference_noise(reference: ReferenceImage, window: spectrum.Window = "none") -> FloatArray:
+    """
+    Return the expected power of the reference's own noise in a power spectrum of relative errors.
+
+    White where pixels are independent. Smoothing by a Gaussian of s pixels multiplies it by
+    exp(-(2 pi s f)²), whose mean over all frequencies is what the variance fell by.
+
+    Returns
+    -------
+    array, (H, W)
+        In the order of `np.fft.fft2`.
+    """
+    variance = reference.luminance_variance / reference.scale**2
+    level = spectrum.white_power(variance, window=window)
+    f = spectrum.frequencies(variance.shape)
+    shape = np.exp(-((2.0 * np.pi * reference.smooth * f) ** 2))
+    return np.asarray(level * shape / shape.mean())
+
+
+def mean_square(frames: Image, reference: ReferenceImage, clip: float | None) -> float:
+    """Mean squared relative error without the reference's own noise."""
+    errors = relative_errors(frames, reference, clip)
+    return float(np.mean(errors**2) - np.mean(reference_noise(reference)))
+
+
+def filtered_mse(frames: Image, reference: ReferenceImage) -> float:
+    """Mean square of the clipped relative error seen through a Gaussian of 1.5 pixels."""
+    errors = relative_errors(frames, reference, CLIP)
+    noise = reference_noise(reference)
+    f = spectrum.frequencies(noise.shape)
+    seen = float(np.mean(noise * np.exp(-((2.0 * np.pi * SIGMA * f) ** 2))))
+    return perceptual.filtered_mse(errors, SIGMA) - seen
+
+
+def chain_spectra(data: Measured, reference: ReferenceImage) -> dict[str, FloatArray]:
+    """Power spectrum of every run's clipped relative errors, (K, H, W), by variant."""
+    noise = reference_noise(reference, "hann")
+    return {
+        name: np.stack(
+            [
+                spectrum.power_spectrum(relative_errors(frames_of(data, run), reference, CLIP))
+                for run in runs
+            ]
+        )
+        - noise
+        for name, runs in data.runs.items()
+        if runs
+    }

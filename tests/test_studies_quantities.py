@@ -1,0 +1,160 @@
+"""Quantities of studies on images of known noise and known bias."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from mitsuba_restir.analysis import relative_covariance, spectrum
+from mitsuba_restir.studies.frame_errors import (
+    few_frames_of,
+    filtered_mse,
+    mean_square,
+    reference_noise,
+    relative_errors,
+)
+from mitsuba_restir.studies.quantities import QUANTITIES
+from mitsuba_restir.studies.reference import smooth
+from mitsuba_restir.studies.results import Measured, ReferenceImage, Row, Run
+
+SHAPE = (64, 96)
+
+
+def _run(frames: np.ndarray) -> Run:
+    kept = frames.astype(np.float32)
+    return Run(kept[-1], kept.mean(axis=0), np.ones(len(kept)), partial(np.asarray, kept))
+
+
+def _data(images: dict[str, np.ndarray], reference: ReferenceImage) -> Measured:
+    """Variants by name, (runs, frames, H, W, 3) each; the first is the baseline of all."""
+    runs = {name: [_run(frames) for frames in values] for name, values in images.items()}
+    first = next(iter(images))
+    baselines = dict.fromkeys(images, first)
+    height, width = reference.image.shape[:2]
+    return Measured(f"{width}x{height}", runs, first, baselines, reference, 0.01, 0.0, settled=True)
+
+
+def _rows(name: str, data: Measured) -> dict[tuple[str, str], Row]:
+    return {(row.variant, row.quantity): row for row in QUANTITIES[name].rows(data)}
+
+
+def _grey(values: np.ndarray) -> np.ndarray:
+    return values[..., None] * np.ones(3)
+
+
+def _exact(level: float = 1.0) -> ReferenceImage:
+    image = np.full((*SHAPE, 3), level)
+    return ReferenceImage(image, np.zeros_like(image))
+
+
+@pytest.mark.parametrize("sigma", [0.0, 3.0])
+def test_the_noise_of_the_reference_is_known(sigma: float) -> None:
+    """60 noisy references of one truth: the mean power of their errors is what is subtracted."""
+    rng = np.random.default_rng(1)
+    # Little at the border, where a smoothed reference is noisier than elsewhere.
+    deviation = 0.02 + 0.3 * np.outer(*(np.sin(np.pi * np.arange(n) / n) for n in SHAPE))
+    variance = _grey(deviation**2)
+    frames = np.ones((1, *SHAPE, 3))
+    power, known = np.zeros(SHAPE), np.zeros(SHAPE)
+    square, seen = [], []
+    for _ in range(60):
+        noisy = _grey(1.0 + deviation * rng.standard_normal(SHAPE))
+        reference = smooth(ReferenceImage(noisy, variance), sigma)
+        power += spectrum.power_spectrum(relative_errors(frames, reference, None)) / 60
+        known += reference_noise(reference, "hann") / 60
+        square.append(mean_square(frames, reference, None))
+        seen.append(filtered_mse(frames, reference))
+    bands = ((0.03, 0.06), (0.06, 0.17)) if sigma else ((0.03, 0.06), (0.06, 0.17), (0.17, 0.5))
+    for found, expected in zip(
+        spectrum.band_power(power, bands), spectrum.band_power(known, bands), strict=True
+    ):
+        assert found == pytest.approx(expected, rel=0.15)
+    # The image is the truth: nothing is left but the reference's noise, and that is subtracted.
+    total = float(np.mean(deviation**2)) / (4 * np.pi * sigma**2 if sigma else 1.0)
+    assert abs(np.mean(square)) < 0.06 * total
+    assert abs(np.mean(seen)) < 0.1 * total
+
+
+def test_covariance_is_that_between_runs_at_equal_frames() -> None:
+    rng = np.random.default_rng(2)
+    reference = _exact()
+    images = 1.0 + 0.2 * rng.standard_normal((6, 3, *SHAPE))
+    images = ndimage.gaussian_filter(images, (0, 0, 1, 1))
+    # Frames of a run have a common error: between runs it is noise like any other.
+    images += 0.1 * rng.standard_normal((6, 1, *SHAPE))
+    rows = _rows("covariance", _data({"a": _grey(images)}, reference))
+    single = [
+        relative_covariance(images[:, t], reference.image, resamples=2).covariance.value
+        for t in range(3)
+    ]
+    found = rows["a", "relative covariance r=8"].value
+    assert found.value == pytest.approx(np.mean(single), rel=1e-4)
+    assert found.low < found.value < found.high
+
+
+def test_bands_know_white_noise() -> None:
+    rng = np.random.default_rng(3)
+    white = 1.0 + 0.3 * rng.standard_normal((8, 2, *SHAPE))
+    data = _data({"a": _grey(white), "b": _grey(1.0 + 0.5 * (white - 1.0))}, _exact())
+    expected = 0.09 / 1.01**2
+    bands = _rows("bands", data)
+    power = bands["a", "power 0.06-0.17"].value
+    assert power.low < expected < power.high
+    ratio = bands["b", "power 0.06-0.17"].ratio
+    assert ratio is not None
+    assert ratio.value == pytest.approx(0.25, rel=1e-4)
+    assert bands["b", "power 0.06-0.17"].p_value == pytest.approx(2 / 2**8)
+    shares = _rows("radial_spectrum", data)
+    share = shares["a", "low-frequency share, white = 1"].value
+    assert share.low < 1.0 < share.high
+    errors = _rows("rmse_relative", data)
+    assert errors["a", "relative RMSE"].value.value == pytest.approx(expected**0.5, rel=0.02)
+    assert errors["b", "relative RMSE, clipped"].ratio.value == pytest.approx(0.5, rel=1e-4)  # type: ignore[union-attr]
+
+
+def test_the_bias_of_pixels_is_found() -> None:
+    """A checkerboard of +-4 %: no mean and no block shows it, products of runs do."""
+    rng = np.random.default_rng(4)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    pattern = 0.04 * (-1.0) ** (x + y)
+    noise = 0.2 * rng.standard_normal((8, 4, *SHAPE))
+    images = {"plain": _grey(1.0 + noise), "biased": _grey(1.0 + 0.9 * noise + pattern)}
+    data = _data(images, _exact())
+    rows = _rows("pixel_bias", data)
+    truth = 0.04 / 1.01
+    plain = rows["plain", "rms pixel bias"].value
+    assert plain.low == 0.0
+    assert plain.high < 0.015
+    against_truth = rows["biased", "rms pixel bias"].value
+    assert against_truth.low < truth < against_truth.high
+    paired = rows["biased", "rms pixel bias against the baseline"].value
+    assert paired.low < truth < paired.high
+    # What both share of the noise cancels.
+    assert paired.high - paired.low < 0.5 * (against_truth.high - against_truth.low)
+    means = _rows("mean_bias", data)
+    assert abs(means["biased", "mean against the baseline, minus 1"].value.value) < 0.002
+    for row in _rows("block_bias", data).values():
+        assert row.value.value < 0.2
+        assert row.p_value is not None
+        assert row.p_value > 1e-3
+
+
+def test_biased_blocks_are_found() -> None:
+    rng = np.random.default_rng(5)
+    images = 1.0 + 0.2 * rng.standard_normal((8, 4, *SHAPE))
+    images[..., :16, :24] *= 1.2
+    (row,) = _rows("block_bias", _data({"a": _grey(images)}, _exact())).values()
+    assert row.value.value > 0.06
+    assert row.p_value is not None
+    assert row.p_value < 1e-4
+
+
+def test_few_frames_are_far_apart() -> None:
+    frames = np.arange(5.0)[:, None, None, None] * np.ones((1, 4, 4, 3))
+    data = _data({"a": frames[None]}, ReferenceImage(np.ones((4, 4, 3)), np.zeros((4, 4, 3))))
+    assert few_frames_of(data, data.runs["a"][0])[:, 0, 0, 0].tolist() == [0.0, 4.0]
+    alone = _data({"a": frames[None, :1]}, ReferenceImage(np.ones((4, 4, 3)), np.zeros((4, 4, 3))))
+    assert few_frames_of(alone, alone.runs["a"][0]).shape[0] == 1
