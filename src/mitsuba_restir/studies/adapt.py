@@ -35,6 +35,7 @@ def quick(study: Study) -> Study:
         probe_runs=1,
         frames=min(study.frames, 6),
         warmup=min(study.warmup, 8),
+        stride=1,
         reference=reference,
         published={},
         about=f"{about}\n\n{study.about}".strip(),
