@@ -112,6 +112,29 @@ def partner(
     width, height = size
     y = pixel // width
     x = pixel - y * width
+    along, across = partner_offset(tile, choices, index, x, y)
+    nx = mi.Int32(x) + along
+    ny = mi.Int32(y) + across
+    inside = (nx >= 0) & (ny >= 0) & (nx < mi.Int32(width)) & (ny < mi.Int32(height))
+    inside &= (along != 0) | (across != 0)
+    return dr.select(inside, mi.UInt32(ny * mi.Int32(width) + nx), pixel), inside
+
+
+def partner_offset(
+    tile: PairingTile, choices: Stream, index: Any, x: Any, y: Any
+) -> tuple[Any, Any]:
+    """Offset (columns, rows) from a place to its partner, in a plane that the tile covers.
+
+    Parameters
+    ----------
+    x, y : UInt32
+        Column and row; a place left of or above the image is counted modulo 2^32.
+
+    Returns
+    -------
+    dx, dy : Int32
+        (0, 0) where there is no partner. The partner's offset is the negative.
+    """
     u, v = uniform2(choices, index, 0)
     a, b = uniform2(choices, index, 1)
     swap, mirror = a < 0.5, b < 0.5
@@ -122,8 +145,4 @@ def partner(
     along = dr.gather(mi.Int32, tile.dx, entry)
     across = dr.gather(mi.Int32, tile.dy, entry)
     across = dr.select(mirror, -across, across)
-    nx = mi.Int32(x) + dr.select(swap, across, along)
-    ny = mi.Int32(y) + dr.select(swap, along, across)
-    inside = (nx >= 0) & (ny >= 0) & (nx < mi.Int32(width)) & (ny < mi.Int32(height))
-    inside &= (along != 0) | (across != 0)
-    return dr.select(inside, mi.UInt32(ny * mi.Int32(width) + nx), pixel), inside
+    return dr.select(swap, across, along), dr.select(swap, along, across)
