@@ -104,7 +104,9 @@ def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     return entries
 
 
-def _fake_probe(study: Study, size: tuple[int, int], variant: str, index: int) -> dict[str, float]:
+def _fake_probe(
+    study: Study, size: tuple[int, int], variant: str, index: int, reference: Any
+) -> dict[str, float]:
     return {"peak": 1e6 + 500.0 * size[0] * size[1] + index, "number": float(index)}
 
 

@@ -102,6 +102,30 @@ def energy(values: npt.ArrayLike) -> float:
     return total
 
 
+def image_energy(values: npt.ArrayLike) -> FloatArray:
+    """
+    Energy of every pixel of an image among its neighbours; what lies outside does not count.
+
+    Parameters
+    ----------
+    values : array_like, (h, w)
+        In [0, 1].
+
+    Returns
+    -------
+    array, (h, w)
+        sum_q exp(-|p - q|²/sigma_i² - |s_p - s_q|^(1/2)/sigma_s²) over the other pixels q within
+        `RADIUS`; their sum is the energy of the image over ordered pairs.
+    """
+    s = np.asarray(values, dtype=np.float64)
+    padded = np.pad(s, RADIUS, constant_values=np.nan)
+    total = np.zeros_like(s)
+    for row, column, weight in zip(*_window(2 * RADIUS + 1), strict=True):
+        there = padded[RADIUS + row :, RADIUS + column :][: s.shape[0], : s.shape[1]]
+        total += float(weight) * np.nan_to_num(_likeness((s - there)[..., None]))
+    return total
+
+
 def anneal(
     values: npt.ArrayLike,
     seed: int,

@@ -9,6 +9,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from .config import Size, Study
+from .mutation_spectra import CHANNELS, numbers
 from .rays import counted_rays
 from .rendering import Renderer, load_scene, make_renderer, seed_of
 from .tables import from_table
@@ -27,12 +29,17 @@ _REHEARSAL = 3
 
 @dataclasses.dataclass(frozen=True)
 class _Task:
-    """What is measured: a variant of a study at one size, with the seeds of one run."""
+    """
+    What is measured: a variant of a study at one size, with the seeds of one run.
+
+    `reference` is a file of NumPy with the reference image, for what needs one.
+    """
 
     study: Study
     size: Size
     variant: str
     index: int
+    reference: str = ""
 
     def renderer(self) -> Renderer:
         scene = load_scene(self.study)
@@ -40,10 +47,15 @@ class _Task:
         return make_renderer(self.study, scene, self.size, self.variant, variant)
 
     def frames(self, renderer: Renderer, first: int, count: int) -> None:
-        last = self.warmup + self.study.frames - 1
         for frame in range(first, first + count):
-            seed = seed_of(self.study.seed, _PROBE_KEY, self.index, frame)
-            renderer.frame_before_last(seed, max(last - frame, 0))
+            self.tensor(renderer, frame)
+
+    def tensor(self, renderer: Renderer, frame: int) -> np.ndarray[Any, Any]:
+        """Render a frame with all its channels."""
+        if renderer.place is not None:
+            renderer.place(max(self.warmup + self.study.frames - 1 - frame, 0))
+        seed = seed_of(self.study.seed, _PROBE_KEY, self.index, frame)
+        return np.array(renderer.draw(seed))
 
     @property
     def pixels(self) -> int:
@@ -93,6 +105,24 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
         elif isinstance(value, bool | int | float):
             flat[f"{prefix}{name}"] = float(value)
     return flat
+
+
+def _mutation_spectra(task: _Task) -> dict[str, float]:
+    """Spectra before and after spatial reuse; empty for integrators without mutations."""
+    study, variant = task.study, task.study.variants[task.variant]
+    reference = np.load(task.reference)
+    parameters = {**variant.parameters, "aovs": CHANNELS}
+    variants = {**study.variants, task.variant: replace(variant, parameters=parameters)}
+    task = replace(task, study=replace(study, variants=variants))
+    renderer = task.renderer()
+    if renderer.statistics is None:
+        return {}
+    task.frames(renderer, 0, task.warmup)
+    found = [
+        numbers(task.tensor(renderer, task.warmup + frame), reference)
+        for frame in range(study.frames)
+    ]
+    return {name: float(np.mean([each[name] for each in found])) for name in found[0]}
 
 
 def _rays(task: _Task) -> dict[str, float]:
@@ -180,6 +210,7 @@ def _first_frame(task: _Task) -> dict[str, float]:
 _KINDS: Mapping[str, Callable[[_Task], dict[str, float]]] = {
     "kernels": _kernels,
     "statistics": _statistics,
+    "mutation_spectra": _mutation_spectra,
     "rays": _rays,
     "memory": _memory,
     "first_frame": _first_frame,
@@ -191,5 +222,6 @@ def main() -> None:
     request = json.loads(sys.stdin.read())
     study = from_table(request["study"], request["study"]["name"])
     width, height = request["size"]
-    task = _Task(study, (width, height), request["variant"], request["index"])
+    name, index, reference = request["variant"], request["index"], request.get("reference", "")
+    task = _Task(study, (width, height), name, index, reference)
     print(json.dumps(_KINDS[request["kind"]](task)))

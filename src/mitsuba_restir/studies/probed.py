@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from ..analysis import intervals
+from ..analysis.images import FloatArray
+from ..analysis.intervals import Interval
 from .results import Measured, Row
 from .scalars import lone, make_row
 
 
 def of_probe(
-    probe: str, units: Mapping[str, str] | None = None
+    probe: str, units: Mapping[str, str] | None = None, compared: bool = False
 ) -> Callable[[Measured], Iterator[Row]]:
     """
     Make a quantity of everything that a probe says: mean over runs.
@@ -23,6 +25,8 @@ def of_probe(
         Name of the probe.
     units : mapping of str to str, optional
         Unit by the beginning of a number's name.
+    compared : bool
+        Give ratios to the baseline too, run by run.
     """
 
     def rows(data: Measured) -> Iterator[Row]:
@@ -33,9 +37,22 @@ def of_probe(
                 values = np.array([answer[name] for answer in answers if name in answer])
                 value = intervals.mean_interval(values) if values.size > 1 else lone(values[0])
                 unit = next((u for start, u in (units or {}).items() if name.startswith(start)), "")
-                yield make_row(data, variant, name, unit, value, None, len(values))
+                ratio = _ratio(data, variant, probe, name, values) if compared else None
+                yield make_row(data, variant, name, unit, value, ratio, len(values))
 
     return rows
+
+
+def _ratio(
+    data: Measured, variant: str, probe: str, name: str, values: FloatArray
+) -> Interval | None:
+    """Ratio of a number to the baseline's; None where it is not positive."""
+    baseline = data.baselines.get(variant, data.baseline)
+    others = [answer.get(name, 0.0) for answer in data.probed(baseline, probe)]
+    paired = baseline != variant and len(others) == len(values) > 1
+    if not paired or min(others) <= 0.0 or values.min() <= 0.0:
+        return None
+    return intervals.ratio_interval(values, np.array(others))
 
 
 def memory_slopes(sizes: Sequence[Measured]) -> Iterator[Row]:

@@ -12,19 +12,36 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
-from typing import Any
+from pathlib import Path
+
+import numpy as np
 
 from ..errors import RenderError, one_line
 from .config import Size, Study
+from .results import ReferenceImage
 from .tables import to_table
 
-Numbers = Mapping[str, float]
+Reference = Callable[[], ReferenceImage | None]
+
+Probe = Callable[..., Mapping[str, float]]
+"""Measures (study, size, name of the variant, number of the run, what loads the reference)."""
+
+
+def _unknown() -> None:
+    """The reference of a study that has none."""
+
 
 _PROLOGUE = "from mitsuba_restir.studies.probe_child import main; main()"
 
 
 def _run_child(
-    study: Study, kind: str, size: Size, variant: str, index: int, home: str | None = None
+    study: Study,
+    kind: str,
+    size: Size,
+    variant: str,
+    index: int,
+    home: str | None = None,
+    reference: str = "",
 ) -> dict[str, float]:
     """Measure in a fresh process, with a home directory of its own where one is given."""
     request = {
@@ -33,6 +50,7 @@ def _run_child(
         "size": list(size),
         "variant": variant,
         "index": index,
+        "reference": reference,
     }
     environment = dict(os.environ)
     if home is not None:
@@ -54,14 +72,30 @@ def _run_child(
     return answer
 
 
-def _simple(kind: str) -> Callable[[Study, Size, str, int], dict[str, float]]:
-    def probe(study: Study, size: Size, variant: str, index: int) -> dict[str, float]:
+def _simple(kind: str) -> Probe:
+    def probe(
+        study: Study, size: Size, variant: str, index: int, reference: Reference = _unknown
+    ) -> dict[str, float]:
         return _run_child(study, kind, size, variant, index)
 
     return probe
 
 
-def _startup(study: Study, size: Size, variant: str, index: int) -> dict[str, float]:
+def _mutation_spectra(
+    study: Study, size: Size, variant: str, index: int, reference: Reference = _unknown
+) -> dict[str, float]:
+    """Spectra need the truth, which may have been rendered: it goes along as a file."""
+    known = reference()
+    assert known is not None
+    with tempfile.TemporaryDirectory() as folder:
+        file = str(Path(folder) / "reference.npy")
+        np.save(file, known.image)
+        return _run_child(study, "mutation_spectra", size, variant, index, reference=file)
+
+
+def _startup(
+    study: Study, size: Size, variant: str, index: int, reference: Reference = _unknown
+) -> dict[str, float]:
     """First frame of a process with an empty kernel cache, and of the next one, which finds it."""
     with tempfile.TemporaryDirectory() as home:
         return {
@@ -73,11 +107,12 @@ def _startup(study: Study, size: Size, variant: str, index: int) -> dict[str, fl
         }
 
 
-PROBES: Mapping[str, Callable[[Study, Size, str, int], Mapping[str, Any]]] = {
+PROBES: Mapping[str, Probe] = {
     "kernels": _simple("kernels"),
     "statistics": _simple("statistics"),
+    "mutation_spectra": _mutation_spectra,
     "rays": _simple("rays"),
     "memory": _simple("memory"),
     "startup": _startup,
 }
-"""Probes by name: (study, size, name of the variant, number of the run) to named numbers."""
+"""Probes by name."""

@@ -185,6 +185,12 @@ QUANTITIES: Mapping[str, Quantity] = {
         of_probe("statistics"),
         probe="statistics",
     ),
+    "mutation_spectra": Quantity(
+        "spectra before and after spatial reuse, and of what the source document's rule arranges",
+        of_probe("mutation_spectra", compared=True),
+        needs_reference=True,
+        probe="mutation_spectra",
+    ),
     "rays": Quantity("rays per pixel and frame (restir_pt only)", of_probe("rays"), probe="rays"),
     "memory": Quantity(
         "bytes per pixel: kept between frames, and the slope of the peak",

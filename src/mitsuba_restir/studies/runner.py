@@ -134,7 +134,9 @@ def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | N
             render_batches(folder, scene, size, batches[size], partial(meter.advance, label))
     for size, name, probe, index in probes:
         meter.say(f"{size[0]}x{size[1]} {probe} {name}")
-        folder.save_probe(size, name, probe, index, PROBES[probe](study, size, name, index))
+        reference = partial(load_reference, folder, size)
+        found = PROBES[probe](study, size, name, index, reference)
+        folder.save_probe(size, name, probe, index, found)
         meter.advance(f"{size[0]}x{size[1]} {probe} {name}")
 
 

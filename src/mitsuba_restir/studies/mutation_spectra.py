@@ -1,0 +1,79 @@
+"""What mutations do before spatial reuse: spectra of what a pixel would show, and of what it mixes.
+
+The auxiliary image ``mutation`` has the luminance of F W before and after the mutations, which are
+equal, and of the new F with the old W: the value that the source document's rule compares with the
+neighbours', and that is never shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from ..analysis import spectrum
+from ..analysis.images import FloatArray, luminance
+from ..sampling.georgiev import image_energy
+
+# As in the other spectra: fireflies would hide everything else.
+_CLIP = 4.0
+
+CHANNELS = "mutation"
+"""Type of the auxiliary image that is measured."""
+
+
+def numbers(tensor: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, float]:
+    """
+    Measure one frame.
+
+    Parameters
+    ----------
+    tensor : array_like, (H, W, 6)
+        Colour, and the three luminances of the auxiliary image.
+    reference : array_like, (H, W, 3)
+
+    Returns
+    -------
+    dict
+        Of the luminance before spatial reuse, of the mixed one and of the frame: power of the
+        relative error by band, mean against the reference (relative errors clipped), mean
+        Georgiev-Fajardo energy of a pixel. And the largest relative change of the luminance of a
+        pixel by its mutations.
+    """
+    frame = np.asarray(tensor, dtype=np.float64)
+    before, after, mixed = np.moveaxis(frame[..., 3:6], -1, 0)
+    images = {
+        "before spatial reuse": before,
+        "mixed": mixed,
+        "shown": luminance(frame[..., :3]),
+    }
+    found: dict[str, float] = {}
+    for name, image in images.items():
+        error = spectrum.relative_error(image, reference, clip=_CLIP)
+        found |= {f"{key}, {name}": value for key, value in _bands(error).items()}
+        found[f"mean of the clipped error, {name}"] = float(error.mean())
+        found[f"energy, {name}"] = _energy(image, float(before.mean()))
+    lit = before > 0.0
+    change = np.abs(after[lit] / before[lit] - 1.0)
+    found["largest change of luminance by mutations"] = float(change.max(initial=0.0))
+    return found
+
+
+def _bands(error: FloatArray) -> Mapping[str, float]:
+    power = spectrum.power_spectrum(error)
+    f = spectrum.frequencies(power.shape)
+    bands = [
+        (low, high) for low, high in spectrum.TABLE_BANDS if np.any((f >= low) & (f < high))
+    ] + [spectrum.FINE_BANDS[-1]]
+    powers = spectrum.band_power(power, bands)
+    return {
+        f"power {low:g}-{high:g}": float(value)
+        for (low, high), value in zip(bands, powers, strict=True)
+    }
+
+
+def _energy(image: FloatArray, mean: float) -> float:
+    total = image + mean
+    values = np.divide(image, total, out=np.zeros_like(total), where=total > 0.0)
+    return float(image_energy(values).mean())
