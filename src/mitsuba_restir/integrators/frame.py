@@ -10,11 +10,13 @@ import drjit as dr
 import mitsuba as mi
 
 from ..passes.blue_noise_rule import mutate_by_rule
+from ..passes.color_history import ColorHistory, no_color_history, remember
 from ..passes.decorrelate import Mutated, decorrelate, metropolis_hastings
 from ..passes.initial import initial
 from ..passes.primary import Primary
 from ..passes.reproject import reproject
 from ..passes.retrace import retrace
+from ..passes.selection import select
 from ..passes.shade import auxiliary, mutation_luminances, reservoir_color
 from ..passes.spatial import exchange, merge, neighbor_choices
 from ..passes.temporal import temporal
@@ -25,15 +27,19 @@ from ..resampling.reservoir import Reservoir, empty_reservoir
 from ..sampling.dither import Dither
 from ..sampling.pairing import PairingTile
 from ..shifts.mapping import ShiftMapping
-from .parameters import RULE, Parameters
+from .parameters import RULE, SELECTION, Parameters
 
 
 @dataclass
 class History:
-    """What a frame leaves to the next one: reservoirs and primary hits, one lane per pixel."""
+    """What a frame leaves to the next one, one lane per pixel.
+
+    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it).
+    """
 
     reservoirs: Reservoir
     hits: PrimaryHit
+    colors: ColorHistory | None
 
 
 @dataclass
@@ -42,13 +48,15 @@ class Sampled:
 
     Fields: ``reservoirs``, ``outcomes`` (list of ``UInt32``: outcomes of the temporal shifts),
     ``matched`` (``Bool``: pixels that found their history), ``flow`` (``Vector2f``, previous minus
-    current film position [pixels]).
+    current film position [pixels]), ``colors`` (:class:`ColorHistory` at each pixel's previous
+    place; None without selection).
     """
 
     reservoirs: Reservoir
     outcomes: list[Any]
     matched: Any
     flow: Any
+    colors: ColorHistory | None
 
 
 @dataclass
@@ -90,15 +98,17 @@ class Plan:
     height: int
 
 
-def no_history(pixels: int, continued: bool) -> History:
+def no_history(pixels: int, continued: bool, colors: bool) -> History:
     """A history without paths, with the structure that later frames have.
 
-    ``continued``: whether its paths carry the continuation that mutations need.
+    ``continued``: whether its paths carry the continuation that mutations need; ``colors``: whether
+    it has the colours that selection needs.
     """
     index = dr.zeros(mi.UInt32, pixels)
     history = History(
         dr.gather(Reservoir, empty_reservoir(continued), index),
         dr.gather(PrimaryHit, no_primary_hit(), index),
+        dr.gather(ColorHistory, no_color_history(), index) if colors else None,
     )
     dr.make_opaque(history)
     return history
@@ -167,7 +177,8 @@ def sample_paths(
     dr.eval(reservoirs)
     if not parameters.temporal or camera is None:
         nowhere = dr.zeros(mi.Bool, plan.width * plan.height)
-        return Sampled(reservoirs, [], nowhere, mi.Vector2f(0))
+        colors = _colors_at(history, dr.zeros(mi.UInt32, plan.width * plan.height), nowhere)
+        return Sampled(reservoirs, [], nowhere, mi.Vector2f(0), colors)
 
     motion = reproject(now, history.hits, camera, _size(plan))
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
@@ -189,7 +200,8 @@ def sample_paths(
         mapping,
     )
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow)
+    colors = _colors_at(history, motion.pixel, motion.valid)
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors)
     dr.eval(sampled)
     return sampled
 
@@ -243,6 +255,7 @@ def share_paths(
         dr.eval(luminances)
 
     color = reservoir_color(reservoirs)
+    selects = parameters.blue_noise == SELECTION
     for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
         round_number = dr.opaque(mi.UInt32, round_index)
         choices = neighbor_choices(round_number, sample, seed)
@@ -262,12 +275,19 @@ def share_paths(
             )
             dr.eval(theirs)
             exchanged.append(theirs)
-        reservoirs, color, _ = merge(reservoirs, exchanged, round_number, sample, seed)
+        reservoirs, color, pairs = merge(reservoirs, exchanged, round_number, sample, seed)
         outcomes.append([theirs.outcome for theirs in exchanged])
-        dr.eval(reservoirs, color)
+        dr.eval(reservoirs, color, pairs if selects else None)
+
+    colors = None
+    if sampled.colors is not None:
+        colors = remember(sampled.colors, color)
+        dr.eval(colors)
+        color = select(color, pairs, colors.color, now.hit, (plan.width, plan.height), sample, seed)
 
     color += now.emitted
-    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence, luminances)
+    past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
+    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence, luminances, past)
     dr.eval(color, extra)
     return Frame(
         color,
@@ -276,8 +296,14 @@ def share_paths(
         outcomes,
         sampled.matched,
         mutated,
-        History(reservoirs, now.hit),
+        History(reservoirs, now.hit, colors),
     )
+
+
+def _colors_at(history: History, pixel: Any, valid: Any) -> ColorHistory | None:
+    if history.colors is None:
+        return None
+    return dr.gather(ColorHistory, history.colors, pixel, valid)
 
 
 def _size(plan: Plan) -> tuple[Any, Any]:

@@ -31,6 +31,7 @@ class Parameters:
     retrace_history: bool
     mutations: int
     mutation_step: float
+    mutation_interval: int
     blue_noise: str
     blue_noise_weight: float
     blue_noise_seeds: bool
@@ -40,22 +41,26 @@ class Parameters:
     def biased(self) -> tuple[str, ...]:
         """What was asked for that biases the image, as ``name=value``."""
         rule = self.blue_noise in RULE and self.blue_noise_weight > 0
-        return (f"blue_noise={self.blue_noise}",) if rule else ()
+        biased = rule or self.blue_noise == SELECTION
+        return (f"blue_noise={self.blue_noise}",) if biased else ()
 
 
 RULE = ("mutation", "mutation_updated")
 """Values of ``blue_noise`` that name the source document's rule for mutations."""
 
+SELECTION = "selection"
+"""Value of ``blue_noise`` that chooses what is shown."""
+
 _CHOICES = {
     "shift": ("hybrid", "reconnection", "random_replay"),
     "connectability": ("footprint", "distance_roughness"),
     "neighbor_sampling": ("random", "blue_noise"),
-    "blue_noise": ("none", *RULE, "selection", "redistribution"),
+    "blue_noise": ("none", *RULE, SELECTION, "redistribution"),
 }
 
 _LATER = {
     "neighbor_sampling": ("blue_noise",),
-    "blue_noise": ("selection", "redistribution"),
+    "blue_noise": ("redistribution",),
 }
 """Announced values that are not there yet."""
 
@@ -85,6 +90,7 @@ def read_parameters(props: Any) -> Parameters:
         retrace_history=_boolean(props, "retrace_history", False),
         mutations=_integer(props, "mutations", 0, 0, 1000),
         mutation_step=_number(props, "mutation_step", MUTATION_STEP, 1e-4, 1.0),
+        mutation_interval=_integer(props, "mutation_interval", 1, 1, 64),
         blue_noise=_choice(props, "blue_noise", "none"),
         blue_noise_weight=_number(props, "blue_noise_weight", 0.5, 0.0, 1.0),
         blue_noise_seeds=_boolean(props, "blue_noise_seeds", False),
@@ -100,6 +106,18 @@ def read_parameters(props: Any) -> Parameters:
         raise ValueError(
             f"restir_pt: blue_noise={parameters.blue_noise!r} is a rule for mutations and needs "
             "mutations of at least 1, not 0"
+        )
+    if parameters.blue_noise == SELECTION and not (parameters.temporal and parameters.spatial):
+        raise ValueError(
+            "restir_pt: blue_noise='selection' chooses among what spatial reuse computes, by what "
+            "earlier frames showed, and needs temporal=true and spatial=true"
+        )
+    if "history" in dict(parameters.aovs).values() and parameters.blue_noise != SELECTION:
+        raise ValueError("restir_pt: the aov type history needs blue_noise='selection'")
+    if parameters.blue_noise in RULE and parameters.mutation_interval > 1:
+        raise ValueError(
+            f"restir_pt: blue_noise={parameters.blue_noise!r} mutates every pixel in every frame "
+            f"and needs mutation_interval=1, not {parameters.mutation_interval}"
         )
     return parameters
 

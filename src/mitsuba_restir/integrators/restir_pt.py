@@ -24,7 +24,7 @@ from ..shifts.mapping import OUTCOMES, shift_mapping
 from ..shifts.pivot import CLASSES
 from .border import check_scene, check_sensor, check_variant
 from .frame import Frame, History, Plan, Stage, no_history, sample_paths, share_paths
-from .parameters import read_parameters
+from .parameters import SELECTION, read_parameters
 
 NEAR_FRACTION = 0.03
 """Distance threshold of ``distance_roughness`` as a fraction of the scene's radius."""
@@ -282,7 +282,11 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         if scene is not self._scene or shape != self._shape:
             self._plan_frames(scene, sensor, shape)
         if self._history is None:
-            self._history = no_history(width * height, self.parameters.mutations > 0)
+            self._history = no_history(
+                width * height,
+                self.parameters.mutations > 0,
+                self.parameters.blue_noise == SELECTION,
+            )
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
     def _plan_frames(self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]) -> None:

@@ -21,6 +21,7 @@ AOV_CHANNELS = {
     "motion": ("X", "Y"),
     "confidence": ("C",),
     "mutation": ("before", "after", "mixed"),
+    "history": ("R", "G", "B"),
 }
 """Auxiliary images and the suffixes of their channels, as Mitsuba's ``aov`` names them."""
 
@@ -40,7 +41,12 @@ def mutation_luminances(before: Reservoir, after: Reservoir) -> list[Any]:
 
 
 def auxiliary(
-    names: Sequence[str], hit: PrimaryHit, flow: Any, confidence: Any, mutation: list[Any]
+    names: Sequence[str],
+    hit: PrimaryHit,
+    flow: Any,
+    confidence: Any,
+    mutation: list[Any],
+    history: Any,
 ) -> list[Any]:
     """Channels of the requested auxiliary images, in order, one ``Float`` per channel.
 
@@ -54,6 +60,8 @@ def auxiliary(
         Confidence weights of the final reservoirs.
     mutation : list of Float
         See :func:`mutation_luminances`; empty where it is not wanted.
+    history : Color3f
+        The colour history, with the light seen directly.
     """
     images: dict[str, Any] = {
         "sh_normal": hit.normal,
@@ -62,6 +70,7 @@ def auxiliary(
         "motion": flow,
         "confidence": [confidence],
         "mutation": mutation,
+        "history": history,
     }
     if "albedo" in names:
         ray, pi = camera_ray(hit, dr.zeros(mi.Ray3f).wavelengths)

@@ -25,7 +25,7 @@ _BLOCKS = 4
 _ROUNDS = 4
 
 # Domain separators, so that two passes never read the same numbers.
-PRIMARY, INITIAL, TEMPORAL, SPATIAL, NEIGHBORS, MUTATION = 1, 2, 3, 4, 5, 6
+PRIMARY, INITIAL, TEMPORAL, SPATIAL, NEIGHBORS, MUTATION, SELECTION = 1, 2, 3, 4, 5, 6, 7
 
 
 @dataclass

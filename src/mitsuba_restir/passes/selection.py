@@ -1,0 +1,219 @@
+"""Selection: show, of the estimates that a pixel has anyway, the one that makes the error blue.
+
+Vertical error optimisation (Chizhov et al. 2022, "Perceptual error optimization for Monte Carlo
+rendering") over the pair estimators g_0 .. g_k of spatial reuse. The plain average of a pixel is
+m = (g_0 + ... + g_k) / (k + 1); its candidates are m and, for every j,
+
+    m + (m - g_j) / k     (the mean without g_j)  and its mirror image     m - (m - g_j) / k,
+
+convex combinations of the g with fixed weights, so that each has the pixel's expectation. With
+errors e_q = I_q - r_q against the colour history r, the energy of an image I is the error seen
+through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it is least nearest to
+
+    I_p = r_p + t_p,     t_p = -sum_d a(d) e_{p+d},     a(d) = exp(-|d|² / (4 sigma²)),
+
+the sum over the similar pixels within :data:`REACH`. Each pixel is visited once, in nine sets of
+pixels three apart that see one another's choices.
+
+Ours are the candidates, their mirror images and the bound: a choice that avoids outliers darkens
+the image, because outliers are bright. With mirror images it can go either way, and errors of more
+than :data:`LIMIT` times the local brightness of the history are taken for that, on either side.
+
+The choice depends on the values chosen from, so what is shown is biased. It is for display only:
+nothing of it gets into reservoirs or history.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..paths.primary_hit import PrimaryHit
+from ..paths.spectrum import target
+from ..sampling.streams import SELECTION, pass_stream, uniform2
+from .reuse import similar
+from .spatial import PairEstimators
+
+SIGMA = 1.0
+"""Standard deviation of the Gaussian through which the error is seen [pixels]."""
+
+REACH = 2
+"""Neighbours of a pixel are at most so many columns and rows away; a(d) is 0.02 at the corners."""
+
+SPACING = 3
+"""Pixels of a set are so far apart, beyond each other's reach."""
+
+LIMIT = 4.0
+"""Largest error that counts, relative to the mean luminance of the history around."""
+
+_OFFSETS = [
+    (x, y) for y in range(-REACH, REACH + 1) for x in range(-REACH, REACH + 1) if (x, y) != (0, 0)
+]
+
+
+@dataclass
+class Surroundings:
+    """What a pixel has to know of its neighbours before any choice.
+
+    Fields: ``similar`` (``UInt32``, bit i: the neighbour at the i-th offset is in the image and
+    similar), ``limit`` (``Float``, largest error of a channel that counts).
+    """
+
+    similar: Any
+    limit: Any
+
+
+def select(
+    mean: Any,
+    estimators: PairEstimators,
+    reference: Any,
+    hits: PrimaryHit,
+    size: tuple[int, int],
+    sample: Any,
+    seed: Any,
+) -> Any:
+    """The colours to show.
+
+    Parameters
+    ----------
+    mean : Color3f
+        Plain average of the pair estimators.
+    estimators : PairEstimators
+        The pair estimators.
+    reference : Color3f
+        Colour history.
+    hits : PrimaryHit
+        Primary hits.
+    size : (int, int)
+        Width and height in pixels.
+    sample, seed : UInt32
+        The frame's running number and the user's seed; they draw the order of the sets.
+
+    Returns
+    -------
+    Color3f
+        One of each pixel's candidates.
+    """
+    width, height = (dr.opaque(mi.UInt32, n) for n in size)
+    around = surroundings(reference, hits, width, height)
+    error = bounded(mean - reference, around.limit)
+    shown = dr.copy(mean)
+    dr.eval(around, error, shown)
+
+    order = uniform2(pass_stream(SELECTION, 0, sample, seed), 0, 0)
+    for index in range(SPACING**2):
+        pixel, inside = pixels_of_set(dr.opaque(mi.UInt32, index), order, size)
+        own = dr.gather(Surroundings, around, pixel, inside)
+        expected = dr.gather(mi.Color3f, reference, pixel, inside)
+        wanted = -neighbors_error(error, own.similar, pixel, width)
+        best = dr.gather(mi.Color3f, mean, pixel, inside)
+        best_error = dr.gather(mi.Color3f, error, pixel, inside)
+        best_distance = dr.squared_norm(best_error - wanted)
+        for color, valid in candidates(dr.gather(PairEstimators, estimators, pixel, inside), best):
+            its_error = bounded(color - expected, own.limit)
+            distance = dr.squared_norm(its_error - wanted)
+            better = valid & (distance < best_distance)
+            best = dr.select(better, color, best)
+            best_error = dr.select(better, its_error, best_error)
+            best_distance = dr.select(better, distance, best_distance)
+        dr.scatter(shown, best, pixel, inside)
+        dr.scatter(error, best_error, pixel, inside)
+        dr.eval(shown, error)
+    return shown
+
+
+def candidates(estimators: PairEstimators, mean: Any) -> list[tuple[Any, Any]]:
+    """A pixel's candidates beside the mean: ``(Color3f, Bool)``, whether it has this one."""
+    pairs = sum(dr.select(valid, mi.Float(1), 0) for valid in estimators.valid[1:])
+    found = []
+    for color, valid in zip(estimators.colors, estimators.valid, strict=True):
+        step = (mean - color) / dr.maximum(pairs, 1)
+        found += [(mean + step, valid & (pairs > 0)), (mean - step, valid & (pairs > 0))]
+    return found
+
+
+def bounded(error: Any, limit: Any) -> Any:
+    """An error, channel by channel within +-``limit``."""
+    return mi.Color3f([dr.clip(channel, -limit, limit) for channel in error])
+
+
+def surroundings(reference: Any, hits: PrimaryHit, width: Any, height: Any) -> Surroundings:
+    """Similar neighbours of every pixel, and the bound of its error."""
+    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
+    y = pixel // width
+    x = pixel - y * width
+    brightness = target(reference)
+    dr.eval(brightness)
+    total, count = mi.Float(brightness), mi.Float(1)
+    bits = mi.UInt32(0)
+    for i, (dx, dy) in enumerate(_OFFSETS):
+        beside, below = mi.Int32(x) + dx, mi.Int32(y) + dy
+        inside = (beside >= 0) & (beside < mi.Int32(width))
+        inside &= (below >= 0) & (below < mi.Int32(height))
+        other = moved(pixel, dx, dy, width)
+        alike = inside & similar(hits, dr.gather(PrimaryHit, hits, other, inside))
+        bits |= dr.select(alike, mi.UInt32(1 << i), 0)
+        total += dr.gather(mi.Float, brightness, other, alike)
+        count += dr.select(alike, mi.Float(1), 0)
+    return Surroundings(bits, LIMIT * total / count)
+
+
+def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:
+    """sum a(d) e_{p+d} over the similar neighbours of each pixel (``Color3f``).
+
+    Parameters
+    ----------
+    error : Color3f
+        Of all pixels.
+    alike : UInt32
+        ``similar`` of :class:`Surroundings`, of the pixels that ``pixel`` names.
+    """
+    total = mi.Color3f(0)
+    for i, (dx, dy) in enumerate(_OFFSETS):
+        counts = (alike & (1 << i)) != 0
+        seen = dr.gather(mi.Color3f, error, moved(pixel, dx, dy, width), counts)
+        total += seen * math.exp(-(dx**2 + dy**2) / (4 * SIGMA**2))
+    return total
+
+
+def moved(pixel: Any, dx: int, dy: int, width: Any) -> Any:
+    """Row-major index of the pixel at an offset; it must be in the image."""
+    return mi.UInt32(mi.Int32(pixel) + dy * mi.Int32(width) + dx)
+
+
+def pixels_of_set(index: Any, order: tuple[Any, Any], size: tuple[int, int]) -> tuple[Any, Any]:
+    """The pixels whose turn it is.
+
+    The sets take turns in an order that changes from frame to frame, or the same pixels would
+    always choose first.
+
+    Parameters
+    ----------
+    index : UInt32
+        Number of the turn, below ``SPACING**2``.
+    order : (Float, Float)
+        Two uniform random numbers. They choose one of the 54 orders i -> (factor i + first) mod 9.
+
+    Returns
+    -------
+    pixel : UInt32
+        Row-major index.
+    inside : Bool
+        Whether it lies in the image.
+    """
+    sets = SPACING**2
+    first, choice = mi.UInt32(order[0] * sets), mi.UInt32(order[1] * (sets - SPACING))
+    # 1, 2, 4, 5, 7, 8: the factors that have no divisor in common with the number of sets.
+    factor = choice + choice // (SPACING - 1) + 1
+    number = (factor * index + first) % sets
+    columns, rows = (-(-n // SPACING) for n in size)
+    lane = dr.arange(mi.UInt32, columns * rows)
+    row = lane // dr.opaque(mi.UInt32, columns)
+    width, height = (dr.opaque(mi.UInt32, n) for n in size)
+    x = (lane - row * dr.opaque(mi.UInt32, columns)) * SPACING + number % SPACING
+    y = row * SPACING + number // SPACING
+    return y * width + x, (x < width) & (y < height)
