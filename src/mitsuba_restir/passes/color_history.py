@@ -8,8 +8,12 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-MEMORY = 16
-"""Frames after which the mean becomes exponential: older frames fade by 1/16 a frame."""
+RISE = 4
+"""Frame n of a surface counts in proportion to n^(RISE - 1): its reservoirs, too, know little at
+first. Noise of the first frames that stayed in the mean would be worse than no history."""
+
+MEMORY = 64
+"""Frames after which the mean becomes exponential, with a share of RISE / MEMORY for the newest."""
 
 
 @dataclass
@@ -17,7 +21,7 @@ class ColorHistory:
     """What earlier frames say about a pixel's colour.
 
     Fields: ``color`` (``Color3f``, mean of the plain averages, light seen directly left out),
-    ``frames`` (``Float``, how many frames it averages; at most :data:`MEMORY`).
+    ``frames`` (``Float``, how many frames it knows; at most :data:`MEMORY`).
     """
 
     color: Any
@@ -41,4 +45,5 @@ def remember(before: ColorHistory, mean: Any) -> ColorHistory:
         here: the history would follow its own choices.
     """
     frames = dr.minimum(before.frames + 1, MEMORY)
-    return ColorHistory(before.color + (mean - before.color) / frames, frames)
+    share = dr.minimum(RISE / frames, 1)
+    return ColorHistory(before.color + (mean - before.color) * share, frames)
