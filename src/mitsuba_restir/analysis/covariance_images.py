@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import signal
+from scipy import fft
 
 from .covariance_products import check_radius, relative_deviations, window_counts, window_sums
 from .images import FloatArray
@@ -80,16 +80,37 @@ def lag_covariance(
     ndarray, (2 radius + 1, 2 radius + 1)
         Entry (radius + dy, radius + dx); the centre is the mean variance. Symmetric about it.
     """
+    products = lag_products(runs, reference, radius=radius, sigma=sigma, epsilon=epsilon)
+    return np.asarray(products.sum(axis=0) / (len(products) - 1))
+
+
+def lag_products(
+    runs: ArrayLike,
+    reference: ArrayLike,
+    *,
+    radius: int = 8,
+    sigma: float = 8.0,
+    epsilon: float = 0.01,
+) -> FloatArray:
+    """
+    Mean product of the deviations of two pixels by lag, for each run.
+
+    Their sum A over K runs, divided by K - 1, is `lag_covariance`; (A - A_k K / (K - 1)) / (K - 2)
+    is that of all runs but k, since the deviations from the mean without run k are
+    d_i + d_k / (K - 1).
+
+    Returns
+    -------
+    ndarray, (K, 2 radius + 1, 2 radius + 1)
+    """
     check_radius(radius)
     d = relative_deviations(runs, reference, sigma=sigma, epsilon=epsilon)
     height, width = d.shape[1:]
     if radius >= min(height, width):
         raise ValueError(f"The radius {radius} does not fit into {height}x{width} pixels.")
-    total = np.zeros((2 * height - 1, 2 * width - 1))
-    for image in d:
-        total += signal.fftconvolve(image, image[::-1, ::-1])
-    rows = slice(height - 1 - radius, height + radius)
-    columns = slice(width - 1 - radius, width + radius)
-    lags = np.abs(np.arange(-radius, radius + 1))
-    pairs = np.outer(height - lags, width - lags)
-    return np.asarray(total[rows, columns] / pairs / (d.shape[0] - 1))
+    # Padded, the circular products up to the radius are the plain ones.
+    shape = (height + radius, width + radius)
+    sums = np.stack([fft.irfft2(np.abs(fft.rfft2(image, shape)) ** 2, shape) for image in d])
+    lags = np.arange(-radius, radius + 1)
+    pairs = np.outer(height - np.abs(lags), width - np.abs(lags))
+    return np.asarray(sums[:, lags[:, None], lags[None, :]] / pairs)

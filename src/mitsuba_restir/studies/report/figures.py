@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...analysis import spectrum
 from ..results import Row
-from .curves import Curve
+from .colours import line_colours
+from .curves import Curve, Lags, Radial
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # type: ignore[import-not-found, unused-ignore]
 
 _WIDTH = 7.0
-_COLOURS = (
-    "#4c566a", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c564b",
-    "#7f7f7f", "#b8a800",
-)  # fmt: skip
+Colours = Mapping[str, str]
 
 
 def _axes(height: float) -> tuple[Figure, Any]:
@@ -33,38 +30,97 @@ def _axes(height: float) -> tuple[Figure, Any]:
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25, linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.set_prop_cycle(color=_COLOURS)
     return figure, axes
 
 
-def bars(rows: Sequence[Row], title: str) -> Figure:
+def _legend(axes: Any) -> None:
+    """Put the legend beside the lines, never on them."""
+    axes.legend(
+        loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8, borderaxespad=0.0
+    )
+
+
+def _logarithmic(axis: Any) -> None:
+    """Label 1, 2 and 5 of every decade, plainly."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
+def bars(rows: Sequence[Row], title: str, colours: Colours | None = None) -> Figure:
     """Draw one quantity as a bar for each variant, with its interval."""
-    figure, axes = _axes(0.7 + 0.34 * len(rows))
+    figure, axes = _axes(0.7 + 0.3 * len(rows))
     names = [row.variant for row in rows]
+    chosen = line_colours(names) if colours is None else colours
     values = np.array([row.value.value for row in rows])
     ends = np.array([[row.value.low, row.value.high] for row in rows]).T
     widths = np.where(np.isfinite(ends), np.abs(ends - values), 0.0)
-    colours = [_COLOURS[i % len(_COLOURS)] for i in range(len(rows))]
-    axes.barh(names, values, xerr=widths, color=colours, height=0.62, capsize=3, ecolor="#222222")
+    axes.barh(
+        names,
+        values,
+        xerr=widths,
+        color=[chosen[name] for name in names],
+        height=0.62,
+        error_kw={"ecolor": "#222222", "capsize": 2.5, "elinewidth": 1.0},
+    )
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
+    axes.tick_params(axis="y", length=0)
     unit = f" [{rows[0].unit}]" if rows[0].unit else ""
     axes.set_xlabel(f"{title}{unit}")
     return figure
 
 
-def radial(powers: dict[str, npt.NDArray[np.float64]]) -> Figure:
+def radial(curves: Mapping[str, Radial], colours: Colours) -> Figure:
     """Draw the power of the relative error against the frequency, mean over directions."""
     figure, axes = _axes(3.4)
-    for name, power in powers.items():
-        found = spectrum.radial_spectrum(power)
-        axes.plot(found.frequency, found.power, label=name, linewidth=1.4)
+    for name, curve in curves.items():
+        axes.plot(curve.frequency, curve.power, color=colours[name], label=name, linewidth=1.4)
     axes.set(xscale="log", yscale="log", xlabel="frequency [cycles/pixel]", ylabel="power of error")
-    axes.legend(frameon=False, fontsize=8)
+    _logarithmic(axes.xaxis)
+    _legend(axes)
     return figure
 
 
-def convergence(curves: dict[str, Curve], over: str) -> Figure:
+def radial_ratio(curves: Mapping[str, Radial], colours: Colours) -> Figure:
+    """Draw the power over that of the variant's baseline, with its standard error over runs."""
+    figure, axes = _axes(3.4)
+    shown = {name: curve for name, curve in curves.items() if curve.ratio is not None}
+    axes.axhline(1.0, color="#222222", linewidth=0.8)
+    for name, curve in shown.items():
+        assert curve.ratio is not None
+        ratio, error = curve.ratio
+        axes.plot(curve.frequency, ratio, color=colours[name], label=name, linewidth=1.4)
+        low, high = ratio * np.exp(-error), ratio * np.exp(error)
+        axes.fill_between(curve.frequency, low, high, color=colours[name], alpha=0.15, linewidth=0)
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="frequency [cycles/pixel]",
+        ylabel="power over baseline's",
+    )
+    _logarithmic(axes.xaxis)
+    _logarithmic(axes.yaxis)
+    _legend(axes)
+    return figure
+
+
+def lags(curves: Mapping[str, Lags], colours: Colours) -> Figure:
+    """Draw the relative covariance of two pixels against their distance, with its error."""
+    figure, axes = _axes(3.4)
+    axes.axhline(0.0, color="#222222", linewidth=0.8)
+    for name, curve in curves.items():
+        axes.plot(curve.distance, curve.covariance, color=colours[name], label=name, linewidth=1.4)
+        low, high = curve.covariance - curve.error, curve.covariance + curve.error
+        axes.fill_between(curve.distance, low, high, color=colours[name], alpha=0.15, linewidth=0)
+    axes.set(xlabel="distance [pixels]", ylabel="relative covariance", xlim=(1.0, None))
+    _legend(axes)
+    return figure
+
+
+def convergence(curves: Mapping[str, Curve], over: str, colours: Colours | None = None) -> Figure:
     """
     Draw the error of single frames (thin) and of the average so far (thick).
 
@@ -74,22 +130,27 @@ def convergence(curves: dict[str, Curve], over: str) -> Figure:
         The horizontal axis.
     """
     figure, axes = _axes(3.6)
-    for index, (name, curve) in enumerate(curves.items()):
+    chosen = line_colours(curves) if colours is None else colours
+    for name, curve in curves.items():
         x = curve.seconds if over == "seconds" else np.arange(1, len(curve.seconds) + 1)
-        colour = _COLOURS[index % len(_COLOURS)]
+        colour = chosen[name]
         mean = curve.average.mean(axis=0)
         axes.plot(x, curve.single.mean(axis=0), color=colour, linewidth=0.7, alpha=0.8)
         axes.plot(x, mean, color=colour, linewidth=1.8, label=name)
         if len(curve.average) > 1:
-            error = curve.average.std(axis=0, ddof=1) / np.sqrt(len(curve.average))
+            error = _standard_error(curve.average)
             low = np.maximum(mean - error, mean * 0.05)
             axes.fill_between(x, low, mean + error, color=colour, alpha=0.15, linewidth=0)
     label = "frames" if over == "frames" else "rendering time [s]"
     axes.set(xscale="log", yscale="log", xlabel=label, ylabel="relMSE, trimmed")
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter("" if over == "frames" else "{x:.2g}")
-    axes.legend(frameon=False, fontsize=8)
+    _logarithmic(axes.xaxis)
+    _logarithmic(axes.yaxis)
+    _legend(axes)
     return figure
+
+
+def _standard_error(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    return np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(values)))
 
 
 def encode(figure: Figure, kind: str) -> bytes:

@@ -9,23 +9,30 @@ from dataclasses import dataclass
 from ...analysis.intervals import Interval
 from ..results import Row
 
-# Quantity, heading, and whether less is better.
-_COLUMNS = (
+# Quantity, heading, and whether less is better (None where neither is).
+_COLUMNS: tuple[tuple[str, str, bool | None], ...] = (
     ("time of a frame", "Time of a frame", True),
     ("RMSE", "RMSE", True),
+    ("relative RMSE, clipped", "Relative RMSE, clipped", True),
     ("relMSE, trimmed", "relMSE, trimmed", True),
     ("relMSE of the average", "relMSE of the average", True),
-    ("relative covariance r=8", "Relative covariance", True),
-    ("relative covariance r=8, clipped", "Covariance, clipped", True),
-    ("covariance r=8 within a sequence", "Covariance within a sequence", True),
-    ("power 0.02-0.06", "Power .02–.06 c/px", True),
-    ("filtered MSE, 1.5 px", "Filtered MSE", True),
-    ("relMSE after OIDN", "relMSE after OIDN", True),
-    ("HDR-FLIP after OIDN", "FLIP after OIDN", True),
     ("equal time: last frame at its own time", "Equal time, last frame", False),
     ("equal time: last frame charged with all", "Equal time, charged with all", False),
     ("equal time: average of all frames", "Equal time, average", False),
+    ("relative covariance r=8", "Relative covariance", True),
+    ("relative covariance r=8, clipped", "Covariance, clipped", True),
+    ("covariance r=8 within a sequence", "Covariance in a sequence", True),
+    ("power 0.02-0.06", "Power .02–.06 c/px", True),
+    ("power 0.06-0.17", "Power .06–.17 c/px", True),
+    ("filtered MSE, 1.5 px", "Filtered MSE", True),
+    ("HDR-FLIP", "FLIP", True),
+    ("RMSE after OIDN", "RMSE after OIDN", True),
+    ("mean against the baseline, minus 1", "Mean, against baseline", None),
+    ("rms pixel bias against the baseline", "Pixel bias, rms", None),
 )
+
+# A ratio whose interval spans more than this factor says nothing.
+_WIDEST = 20.0
 
 
 @dataclass(frozen=True)
@@ -77,32 +84,64 @@ def headline(
     return Headline([heading for _, heading, _ in columns], lines)
 
 
-def _cell(row: Row | None, less_is_better: bool, published: float | None) -> Cell | None:
+def _cell(row: Row | None, less_is_better: bool | None, published: float | None) -> Cell | None:
     if row is None:
         return None
     unit = f" {row.unit}" if row.unit else ""
+    other = "" if published is None else f"{published:.4g}{unit}"
+    if less_is_better is None:
+        return Cell(_percentage(row.value.value), _percentages(row.value), published=other)
     ratio, verdict = "", ""
     if row.ratio is not None:
         ratio = percent(row.ratio)
-        # A negative covariance makes a ratio that says nothing.
-        if row.ratio.low > 0.0 and (row.ratio.high < 1.0 or row.ratio.low > 1.0):
+        if is_clear(row.ratio) and (row.ratio.high < 1.0 or row.ratio.low > 1.0):
             verdict = "better" if (row.ratio.high < 1.0) == less_is_better else "worse"
     elif not less_is_better and (row.value.high < 1.0 or row.value.low > 1.0):
         verdict = "better" if row.value.low > 1.0 else "worse"
-    other = "" if published is None else f"{published:.4g}{unit}"
-    return Cell(f"{row.value.value:.4g}{unit}", ends(row.value), ratio, verdict, other)
+    return Cell(f"{short(row.value.value)}{unit}", ends(row.value), ratio, verdict, other)
+
+
+def is_clear(ratio: Interval) -> bool:
+    """Say whether a ratio means anything: negative covariances and single runs make none."""
+    return 0.0 < ratio.low and ratio.high < _WIDEST * ratio.low
+
+
+def short(value: float) -> str:
+    """Write a number with three digits, or as many as it takes to be whole."""
+    text = f"{value:.3g}"
+    if "e" not in text:
+        return text
+    if 1e3 <= abs(value) < 1e6:
+        return f"{value:.0f}"
+    digits, _, exponent = text.partition("e")
+    return f"{digits}e{int(exponent)}"
 
 
 def ends(interval: Interval) -> str:
     """Write an interval; nothing where there is none."""
     if not (math.isfinite(interval.low) and math.isfinite(interval.high)):
         return ""
-    return f"{interval.low:.4g} … {interval.high:.4g}"
+    return f"{short(interval.low)} … {short(interval.high)}"
+
+
+def _percentage(share: float) -> str:
+    return f"{100.0 * share:.2f} %"
+
+
+def _percentages(interval: Interval) -> str:
+    if not (math.isfinite(interval.low) and math.isfinite(interval.high)):
+        return ""
+    return f"{100 * interval.low:.2f} … {100 * interval.high:.2f}"
 
 
 def percent(ratio: Interval) -> str:
-    """Write a ratio as a change in percent, with its interval."""
-    change = f"{100.0 * (ratio.value - 1.0):+.1f} %"
+    """Write a ratio as a change in percent, or as a factor where it is large."""
     if not (math.isfinite(ratio.low) and math.isfinite(ratio.high)):
-        return change
-    return f"{change} ({100 * (ratio.low - 1):+.1f} … {100 * (ratio.high - 1):+.1f})"
+        return f"{100.0 * (ratio.value - 1.0):+.1f} %"
+    if not is_clear(ratio):
+        return "not resolved"
+    if ratio.value >= 2.0:
+        return f"× {short(ratio.value)} ({short(ratio.low)} … {short(ratio.high)})"
+    change, low, high = (100.0 * (x - 1.0) for x in (ratio.value, ratio.low, ratio.high))
+    digits = 0 if high - low > 25.0 else 1
+    return f"{change:+.{digits}f} % ({low:+.{digits}f} … {high:+.{digits}f})"

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import base64
+import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
 
+import numpy as np
+from PIL import Image as Pillow
+
 from ...imageio import encode_png
 from ..results import Row
-from .headline import Headline, ends, percent
-from .pictures import Gallery, Picture
+from .colours import Picture
+from .headline import Headline
+from .pictures import Gallery
+from .tables import breakable, environment_tables, headline_table, number_table
 
 
 @dataclass(frozen=True)
@@ -25,6 +32,9 @@ class Part:
     headline : Headline
     baseline : str
         The variant that the comparison starts with.
+    baselines : mapping of str to str
+        What each variant is compared with.
+    strip : array, (H, W, 3), uint8, or None
     galleries : sequence of Gallery
     figures : mapping of str to str
         Drawings as SVG, by caption.
@@ -33,6 +43,8 @@ class Part:
     size: str
     headline: Headline
     baseline: str = ""
+    baselines: Mapping[str, str] = field(default_factory=dict)
+    strip: Picture | None = None
     galleries: Sequence[Gallery] = ()
     figures: Mapping[str, str] = field(default_factory=dict)
 
@@ -80,129 +92,114 @@ def page(content: Content) -> str:
     )
     notes = "".join(f"<li>{escape(note)}</li>" for note in content.notes)
     about = "".join(f"<p>{escape(text)}</p>" for text in content.about.split("\n\n") if text)
+    main = f"""{"".join(_part(part) for part in content.parts)}
+<section id="numbers"><h2>All numbers</h2>{number_table(content.rows)}</section>
+<section id="making"><h2>How it was made</h2><pre class="command">{escape(content.command)}</pre>
+{environment_tables(content.environments)}
+<details><summary>Configuration</summary><pre>{escape(content.config)}</pre></details></section>"""
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{escape(content.title)}</title><style>{style}</style></head>
-<body><header><h1>{escape(content.title)}</h1>{about}<dl class="facts">{facts}</dl>
-{f'<ul class="notes">{notes}</ul>' if notes else ""}</header>
-<main>{"".join(_part(part) for part in content.parts)}
-<section><h2>All numbers</h2>{_numbers(content.rows)}</section>
-<section><h2>How it was made</h2><pre class="command">{escape(content.command)}</pre>
-{_environments(content.environments)}
-<details><summary>Configuration</summary><pre>{escape(content.config)}</pre></details></section>
-</main><script>{script}</script></body></html>
+<body>{_navigation(main)}<header><h1>{escape(content.title.replace("_", " "))}</h1>{about}
+<dl class="facts">{facts}</dl>{f'<ul class="notes">{notes}</ul>' if notes else ""}</header>
+<main>{main}</main><script>{script}</script></body></html>
 """
+
+
+def _navigation(main: str) -> str:
+    """Link every heading that has an anchor."""
+    found = re.findall(r'<(?:section|div) id="([^"]+)"[^>]*><h[23]>([^<]+)</h[23]>', main)
+    links = "".join(f'<a href="#{anchor}">{title}</a>' for anchor, title in found)
+    return f"<nav>{links}</nav>"
 
 
 def _part(part: Part) -> str:
     """Pictures are embedded once, in their galleries; the comparison and the crops reuse them."""
-    images = next((g for g in part.galleries if g.key == "images"), None)
-    compare = _compare(images, part.baseline) if images and len(images.pictures) > 1 else ""
-    galleries = "".join(_gallery(gallery) for gallery in part.galleries)
-    figures = "".join(
-        f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
-        for caption, svg in part.figures.items()
-    )
-    drawn = f'<h3>Figures</h3><div class="figures">{figures}</div>' if figures else ""
-    return (
-        f'<section class="size"><h2>{escape(part.size)}</h2>{_headline(part.headline)}'
-        f"{compare}{galleries}{drawn}</section>"
-    )
+    size = escape(part.size)
+    pieces = [headline_table(part.headline, part.baselines)]
+    if part.strip is not None:
+        pieces.append(
+            _block(
+                part.size, "strip", "At a glance", f'<div class="wide">{_strip(part.strip)}</div>'
+            )
+        )
+    layers = [gallery for gallery in part.galleries if gallery.layer]
+    if layers and len(layers[0].pictures) > 1:
+        pieces.append(_block(part.size, "compare", "Compare", _compare(layers, part.baseline)))
+    pieces += [
+        _block(part.size, gallery.key, gallery.title, _gallery(gallery))
+        for gallery in part.galleries
+    ]
+    if part.figures:
+        figures = "".join(
+            f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+            for caption, svg in part.figures.items()
+        )
+        pieces.append(
+            _block(part.size, "figures", "Figures", f'<div class="figures">{figures}</div>')
+        )
+    return f'<section id="{size}" class="size"><h2>{size}</h2>{"".join(pieces)}</section>'
 
 
-def _headline(table: Headline) -> str:
-    if not table.headings:
-        return ""
-    heads = "".join(f"<th>{escape(text)}</th>" for text in table.headings)
-    body = ""
-    for name, cells in table.lines.items():
-        body += f"<tr><th>{escape(name)}</th>"
-        for cell in cells:
-            if cell is None:
-                body += "<td></td>"
-                continue
-            body += f'<td class="{cell.verdict}"><b>{escape(cell.value)}</b>'
-            body += f"<small>{escape(cell.interval)}</small>" if cell.interval else ""
-            body += f"<span>{escape(cell.ratio)}</span>" if cell.ratio else ""
-            body += f"<i>published {escape(cell.published)}</i>" if cell.published else ""
-            body += "</td>"
-        body += "</tr>"
-    return (
-        f'<div class="wide"><table class="headline"><thead><tr><th>Variant</th>{heads}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-        '<p class="legend">Below each value its 95 % interval and the change against its baseline, '
-        "run by run; coloured where the whole interval is on one side.</p>"
-    )
+def _block(size: str, key: str, title: str, content: str) -> str:
+    return f'<div id="{escape(size)}-{key}" class="block"><h3>{escape(title)}</h3>{content}</div>'
 
 
-def _compare(images: Gallery, baseline: str) -> str:
-    names = list(images.pictures)
+def _strip(picture: Picture) -> str:
+    return f'<img class="strip" alt="frames, crops, errors and spectra" src="{_uri(picture)}">'
+
+
+def _compare(layers: Sequence[Gallery], baseline: str) -> str:
+    names = list(layers[0].pictures)
     left = baseline if baseline in names else names[0]
     right = "reference" if "reference" in names else names[-1]
 
-    def choice(which: str, chosen: str) -> str:
-        options = "".join(
-            f"<option{' selected' if name == chosen else ''}>{escape(name)}</option>"
-            for name in names
+    def choice(which: str, options: Mapping[str, str], chosen: str, label: str) -> str:
+        items = "".join(
+            f'<option value="{escape(key)}"{" selected" if key == chosen else ""}>{escape(text)}'
+            "</option>"
+            for key, text in options.items()
         )
-        return f'<select class="{which}" aria-label="{which} image">{options}</select>'
+        return f'<select class="{which}" aria-label="{label}">{items}</select>'
 
-    return f"""<h3>Compare</h3>
-<div class="compare"><div class="choices">{choice("left", left)}
-<span>drag the line · click to place the crops · wheel changes their size</span>
-{choice("right", right)}</div>
+    variants = {name: name for name in names}
+    kinds = {gallery.key: gallery.title for gallery in layers}
+    return f"""<div class="compare"><div class="choices">
+{choice("left", variants, left, "left image")}
+{choice("layer", kinds, layers[0].key, "what is shown")}
+{choice("right", variants, right, "right image")}</div>
 <div class="stage"><canvas class="under"></canvas><canvas class="over"></canvas>
 <div class="handle" role="slider" tabindex="0" aria-label="position of the line"
  aria-valuemin="0" aria-valuemax="100" aria-valuenow="50"></div><div class="frame"></div></div>
+<p class="legend">Drag the line; click to place the crops; the wheel changes their size.</p>
 <div class="crops"></div></div>"""
 
 
 def _gallery(gallery: Gallery) -> str:
     items = "".join(
         f'<figure><img data-name="{escape(name)}" alt="{escape(f"{gallery.title}: {name}")}" '
-        f'src="{_uri(picture)}"><figcaption>{escape(name)}</figcaption></figure>'
+        f'src="{_uri(picture)}"><figcaption>{breakable(name)}</figcaption></figure>'
         for name, picture in gallery.pictures.items()
     )
-    return (
-        f"<h3>{escape(gallery.title)}</h3><p>{escape(gallery.about)}</p>"
-        f'<div class="gallery {gallery.key}">{items}</div>'
-    )
+    layer = f' data-layer="{gallery.key}"' if gallery.layer else ""
+    return f'<p>{escape(gallery.about)}</p><div class="gallery {gallery.key}"{layer}>{items}</div>'
 
 
 def _uri(picture: Picture) -> str:
-    return "data:image/png;base64," + base64.b64encode(encode_png(picture)).decode()
+    return "data:image/png;base64," + base64.b64encode(_smallest_png(picture)).decode()
 
 
-def _numbers(rows: Sequence[Row]) -> str:
-    body = ""
-    for row in rows:
-        unit = f" {row.unit}" if row.unit else ""
-        cells = (
-            row.size,
-            row.quantity,
-            row.variant,
-            f"{row.value.value:.5g}{unit}",
-            ends(row.value),
-            "" if row.ratio is None else percent(row.ratio),
-            "" if row.p_value is None else f"{row.p_value:.2g}",
-            str(row.runs),
-        )
-        body += "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
-    heads = ("size", "quantity", "variant", "value", "95 % interval", "change", "p", "runs")
-    head = "".join(f"<th>{name}</th>" for name in heads)
-    return (
-        f'<div class="wide"><table class="numbers"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+def _smallest_png(picture: Picture) -> bytes:
+    """Encode maps, which have few colours, with a palette: a third of the size."""
+    codes = picture.astype(np.uint32) @ np.array([1, 256, 65536], dtype=np.uint32)
+    colours, index = np.unique(codes, return_inverse=True)
+    if len(colours) > 256:
+        return encode_png(np.ascontiguousarray(picture))
+    image = Pillow.fromarray(index.reshape(picture.shape[:2]).astype(np.uint8), mode="P")
+    image.putpalette(
+        np.stack([colours & 255, colours >> 8 & 255, colours >> 16], axis=1).astype("u1").tobytes()
     )
-
-
-def _environments(environments: Sequence[Mapping[str, str | int]]) -> str:
-    tables = ""
-    for environment in environments:
-        lines = "".join(
-            f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>"
-            for name, value in environment.items()
-        )
-        tables += f"<table>{lines}</table>"
-    return f'<div class="environments">{tables}</div>'
+    stream = io.BytesIO()
+    image.save(stream, "PNG", optimize=True)
+    return stream.getvalue()

@@ -3,24 +3,33 @@
 for (const section of document.querySelectorAll("section.size")) {
   const box = section.querySelector(".compare");
   if (!box) continue;
-  const images = new Map();
-  for (const image of section.querySelectorAll(".gallery.images img"))
-    images.set(image.dataset.name, image);
-  Promise.all([...images.values()].map((image) => image.decode())).then(() => start(box, images));
+  const layers = new Map();
+  for (const gallery of section.querySelectorAll(".gallery[data-layer]")) {
+    const images = new Map();
+    for (const image of gallery.querySelectorAll("img")) images.set(image.dataset.name, image);
+    layers.set(gallery.dataset.layer, images);
+  }
+  const all = [...layers.values()].flatMap((images) => [...images.values()]);
+  Promise.all(all.map((image) => image.decode())).then(() => start(box, layers));
 }
 
-function start(box, images) {
+function start(box, layers) {
   const [stage, under, over, handle, frame, crops] =
     [".stage", ".under", ".over", ".handle", ".frame", ".crops"].map((s) => box.querySelector(s));
-  const [left, right] = [".left", ".right"].map((s) => box.querySelector(s));
-  const first = images.values().next().value;
+  const [left, right, layer] =
+    [".left", ".right", ".layer"].map((s) => box.querySelector(`select${s}`));
+  const base = layers.values().next().value;
+  const first = base.values().next().value;
   const width = first.naturalWidth, height = first.naturalHeight;
   const state = { split: 0.5, x: width / 2, y: height / 2, side: Math.min(48, width, height) };
+
+  // The reference has no errors: it is then shown as it is.
+  const image = (name) => layers.get(layer.value).get(name) || base.get(name);
 
   function paint(canvas, name) {
     canvas.width = width;
     canvas.height = height;
-    canvas.getContext("2d").drawImage(images.get(name), 0, 0);
+    canvas.getContext("2d").drawImage(image(name), 0, 0);
   }
 
   function show() {
@@ -31,11 +40,11 @@ function start(box, images) {
   }
 
   const panes = new Map();
-  for (const name of images.keys()) {
+  for (const name of base.keys()) {
     const figure = document.createElement("figure");
     const canvas = document.createElement("canvas");
     const caption = document.createElement("figcaption");
-    caption.textContent = name;
+    caption.textContent = name.replaceAll("_", "_\u200b");
     figure.append(canvas, caption);
     crops.append(figure);
     panes.set(name, canvas);
@@ -54,8 +63,14 @@ function start(box, images) {
       canvas.dataset.crop = `${x},${y},${side}`;
       const context = canvas.getContext("2d");
       context.imageSmoothingEnabled = false;
-      context.drawImage(images.get(name), x, y, side, side, 0, 0, 4 * side, 4 * side);
+      context.drawImage(image(name), x, y, side, side, 0, 0, 4 * side, 4 * side);
     }
+  }
+
+  function draw() {
+    paint(over, left.value);
+    paint(under, right.value);
+    crop();
   }
 
   const place = (event) => {
@@ -67,7 +82,7 @@ function start(box, images) {
   handle.addEventListener("pointerdown", (event) => {
     handle.setPointerCapture(event.pointerId);
     event.preventDefault();
-    handle.focus();
+    handle.focus({ preventScroll: true });
   });
   handle.addEventListener("pointermove", (event) => {
     if (handle.hasPointerCapture(event.pointerId)) split(place(event)[0]);
@@ -88,12 +103,26 @@ function start(box, images) {
     state.side = Math.min(Math.max(side, 8), width, height);
     crop();
   }, { passive: false });
-  left.addEventListener("change", () => paint(over, left.value));
-  right.addEventListener("change", () => paint(under, right.value));
+  for (const choice of [left, right, layer]) choice.addEventListener("change", draw);
 
-  paint(over, left.value);
-  paint(under, right.value);
   show();
-  crop();
+  draw();
   box.dataset.ready = "yes";
+}
+
+// The table of all numbers keeps the quantities, or the variants of them, that are looked for.
+for (const field of document.querySelectorAll("input.search")) {
+  field.addEventListener("input", () => {
+    const words = field.value.toLowerCase().split(/\s+/).filter(Boolean);
+    for (const group of document.querySelectorAll(".numbers tbody")) {
+      const [head, ...rows] = group.rows;
+      const title = head.textContent.toLowerCase();
+      const left = words.filter((word) => !title.includes(word));
+      for (const row of rows) {
+        const text = row.cells[0].textContent.toLowerCase();
+        row.hidden = !left.every((word) => text.includes(word));
+      }
+      group.hidden = rows.every((row) => row.hidden);
+    }
+  });
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,25 +13,27 @@ from ...imageio import encode_exr, encode_png
 from ..arrays import make_folder
 from ..config import Study
 from ..files import dump_study
+from ..frame_errors import chain_spectra
 from ..results import Measured, Row
 from ..runner import load_size
 from ..store import StudyFolder
 from ..table import Table
-from . import figures
-from .curves import Curve, curves, records
-from .headline import headline
+from . import curves
+from .drawings import Curves, draw
+from .headline import headline, short
 from .page import Content, Part, page
-from .pictures import Gallery, error_spectra, galleries
+from .pictures import Gallery, Shown, galleries, shown_of
+from .spectra import covariances_by_lag, mask_pictures, mutation_pictures, spectra
+from .strips import strip
 
 NAME = "report.html"
 
-# Quantities drawn as bars where a study has them.
-_BARS = (
-    "time of a frame",
-    "relMSE, trimmed",
-    "relative covariance r=8",
-    "relative covariance r=8, clipped",
-    "HDR-FLIP after OIDN",
+# The number under a variant's name in the strip: the first of these that the study has.
+_CAPTIONS = (
+    ("relative RMSE, clipped", "relative RMSE"),
+    ("relMSE, trimmed", "relMSE"),
+    ("RMSE", "RMSE"),
+    ("time of a frame", "time"),
 )
 
 
@@ -50,38 +52,34 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
     Returns
     -------
     Path
-        The page. Beside it are ``figures/`` (PNG and SVG), ``frames/`` (EXR) and, where every
-        frame was kept, ``curves.csv``.
+        The page. Beside it are ``figures/`` (PNG and SVG), ``frames/`` (EXR) and the curves of the
+        figures as CSV.
 
     Raises
     ------
     RenderError
         A file could not be written.
     """
-    parts: list[Part] = []
-    notes = list(table.notes)
-    lines: list[dict[str, str | float | int]] = []
-    for size in folder.study.sizes:
-        data = load_size(folder, size)
-        found = curves(data)
-        lines += records(found, data.size)
-        shown = galleries(data)
-        try:
-            drawings = _drawings(folder, data, table.rows, found)
-        except ImportError as error:
-            drawings = {}
-            notes.append(f"There are no figures: {error}")
-        _write_pictures(folder, data.size, shown)
-        _write_frames(folder, data)
-        top = headline(table.rows, data.size, folder.study.published)
-        parts.append(Part(data.size, top, data.baseline, shown, drawings))
-    if lines:
-        text = io.StringIO()
-        writer = csv.DictWriter(text, lines[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(lines)
-        folder.write("curves.csv", text.getvalue().encode())
     study = folder.study
+    notes = list(table.notes)
+    parts = []
+    lines: dict[str, list[curves.Record]] = {"curves": [], "spectra": [], "covariances": []}
+    for size in study.sizes:
+        data = load_size(folder, size)
+        powers = _powers(data)
+        found = Curves(
+            curves.convergence(data),
+            curves.radial_powers(data, powers),
+            curves.lag_covariances(data),
+        )
+        lines["curves"] += curves.convergence_records(found.convergence, data.size)
+        lines["spectra"] += curves.radial_records(found.radial, data.size)
+        lines["covariances"] += curves.lag_records(found.lags, data.size)
+        parts.append(_part(folder, data, table.rows, powers, found, notes))
+        _write_frames(folder, data)
+    for name, records in lines.items():
+        if records:
+            folder.write(f"{name}.csv", _csv(records))
     content = Content(
         study.name,
         study.about,
@@ -97,11 +95,81 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
     return folder.path / NAME
 
 
+def _powers(data: Measured) -> dict[str, curves.Values]:
+    """Return the spectra of every run of every variant; empty without a reference."""
+    return {} if data.reference is None else chain_spectra(data, data.reference)
+
+
+def _part(
+    folder: StudyFolder,
+    data: Measured,
+    rows: Sequence[Row],
+    powers: Mapping[str, curves.Values],
+    found: Curves,
+    notes: list[str],
+) -> Part:
+    study = folder.study
+    target = Path("figures") / data.size
+
+    def write(name: str, content: bytes) -> None:
+        make_folder(folder.path / target)
+        folder.write(str(target / name), content)
+
+    try:
+        drawings = draw(data, rows, found, write)
+    except ImportError as error:
+        drawings = {}
+        notes.append(f"There are no figures: {error}")
+    shown = shown_of(data)
+    pictures = _galleries(study, data, shown, powers, found)
+    overview = None
+    if shown.runs:
+        by_key = {gallery.key: gallery.pictures for gallery in pictures}
+        captions = _captions(rows, data.size)
+        overview = strip(data, shown, by_key.get("spectra", {}), captions)
+        write("strip.png", encode_png(overview))
+    for gallery in pictures:
+        for name, picture in gallery.pictures.items():
+            file = f"{gallery.key}_{name}.png".replace(" ", "_").replace(",", "")
+            write(file, encode_png(np.ascontiguousarray(picture)))
+    top = headline(rows, data.size, study.published)
+    return Part(data.size, top, data.baseline, data.baselines, overview, pictures, drawings)
+
+
+def _galleries(
+    study: Study,
+    data: Measured,
+    shown: Shown,
+    powers: Mapping[str, curves.Values],
+    found: Curves,
+) -> list[Gallery]:
+    pictures = [
+        *galleries(data, shown),
+        covariances_by_lag(found.lags),
+        spectra(powers),
+        mutation_pictures(study, shown, data.reference),
+        mask_pictures(study),
+    ]
+    return [gallery for gallery in pictures if gallery.pictures]
+
+
+def _captions(rows: Sequence[Row], size: str) -> dict[str, str]:
+    """Return a number for every variant."""
+    for quantity, label in _CAPTIONS:
+        own = [row for row in rows if row.quantity == quantity and row.size == size]
+        if own:
+            return {
+                row.variant: f"{label} {short(row.value.value)} {row.unit}".rstrip() for row in own
+            }
+    return {}
+
+
 def _facts(study: Study) -> dict[str, str]:
+    apart = f", {study.stride} apart" if study.stride > 1 else ""
     facts = {
         "Scene": study.scene,
         "Longest path": "unlimited" if study.max_depth < 0 else f"{study.max_depth} edges",
-        "Frames": f"{study.frames} after {study.warmup} of history",
+        "Frames": f"{study.frames}{apart} after {study.warmup} of history",
         "Independent runs": str(study.runs),
         "Baseline": study.baseline,
     }
@@ -111,39 +179,12 @@ def _facts(study: Study) -> dict[str, str]:
     return facts
 
 
-def _drawings(
-    folder: StudyFolder, data: Measured, rows: Sequence[Row], found: dict[str, Curve]
-) -> dict[str, str]:
-    """Draw, write as PNG and SVG, and return as SVG by caption."""
-    drawn = {}
-    for quantity in _BARS:
-        own = [r for r in rows if r.size == data.size and r.quantity == quantity]
-        if own:
-            key = "".join(c if c.isalnum() else "_" for c in quantity)
-            drawn[key] = (f"{quantity}, with 95 % intervals", figures.bars(own, quantity))
-    shown = {name: runs for name, runs in data.runs.items() if runs}
-    if shown and data.reference is not None:
-        caption = "Power of the relative error by frequency: reuse leaves its blotches on the left"
-        drawn["radial_spectrum"] = (caption, figures.radial(error_spectra(data, shown)))
-    if found:
-        for over in ("frames", "seconds"):
-            caption = f"Error over {over}: thin, single frames; thick, the average of all so far"
-            drawn[f"convergence_{over}"] = (caption, figures.convergence(found, over))
-    target = folder.path / "figures" / data.size
-    result = {}
-    for key, (caption, figure) in drawn.items():
-        make_folder(target)
-        svg = figures.encode(figure, "svg")
-        folder.write(str(Path("figures") / data.size / f"{key}.svg"), svg)
-        png = figures.encode(figure, "png")
-        folder.write(str(Path("figures") / data.size / f"{key}.png"), png)
-        text = svg.decode()
-        # Ids of several drawings in one page must not meet.
-        unique = text[text.index("<svg") :].replace('id="', f'id="{data.size}_{key}_')
-        for link in ('xlink:href="#', "url(#"):
-            unique = unique.replace(link, f"{link}{data.size}_{key}_")
-        result[caption] = unique
-    return result
+def _csv(records: Sequence[curves.Record]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, records[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue().encode()
 
 
 def _write_frames(folder: StudyFolder, data: Measured) -> None:
@@ -154,11 +195,3 @@ def _write_frames(folder: StudyFolder, data: Measured) -> None:
     for name, image in images.items():
         make_folder(folder.path / "frames" / data.size)
         folder.write(str(Path("frames") / data.size / f"{name}.exr"), encode_exr(image))
-
-
-def _write_pictures(folder: StudyFolder, size: str, shown: list[Gallery]) -> None:
-    for gallery in shown:
-        for name, picture in gallery.pictures.items():
-            make_folder(folder.path / "figures" / size)
-            file = Path("figures") / size / f"{gallery.key}_{name}.png"
-            folder.write(str(file), encode_png(np.ascontiguousarray(picture)))

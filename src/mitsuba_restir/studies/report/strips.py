@@ -1,0 +1,169 @@
+"""The picture strip: every variant as a column of frame, crops, errors and spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image as Pillow
+from PIL import ImageDraw, ImageFont
+from scipy import ndimage
+
+from ...analysis.images import FloatArray, luminance
+from ...imageio import to_srgb8
+from ..frame_errors import relative_errors
+from ..results import Image, Measured, ReferenceImage
+from .colours import Picture
+from .pictures import Shown, error_picture, seen_error_picture
+
+CROP = 40
+_ZOOM = 4
+_CELL = CROP * _ZOOM
+_GAP = 6
+_LABELS = 96
+_HEAD = 46
+_COLUMNS = 7
+_INK, _SOFT = "#1d2330", "#667085"
+
+Place = tuple[slice, slice]
+
+
+def crop_of(y: FloatArray, *, smooth: bool) -> Place:
+    """
+    Choose a crop of at most 40 pixels: rows and columns.
+
+    Parameters
+    ----------
+    y : array, (H, W)
+        Luminance without noise, or nearly.
+    smooth : bool
+        Where the image changes least, where noise is all there is to see; else where it changes
+        most. Neither very dark nor very bright places are taken.
+    """
+    side = min(CROP, *y.shape)
+    calm = np.log(np.maximum(ndimage.gaussian_filter(y, 2.0), 1e-6 * max(y.max(), 1e-30)))
+    dark, bright = np.log(np.maximum(np.percentile(y, [25.0, 90.0]), 1e-30))
+    best, place = -np.inf, (0, 0)
+    step = max(side // 4, 1)
+    for row in range(0, y.shape[0] - side + 1, step):
+        for column in range(0, y.shape[1] - side + 1, step):
+            window = calm[row : row + side, column : column + side]
+            outside = float(np.mean((window < dark) | (window > bright)))
+            score = (-1.0 if smooth else 1.0) * float(window.std()) - 2.0 * outside
+            if score > best:
+                best, place = score, (row, column)
+    row, column = place
+    return slice(row, row + side), slice(column, column + side)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Label and pictures of a row by variant."""
+
+    label: str
+    pictures: Mapping[str, Picture]
+
+
+def strip(
+    data: Measured, shown: Shown, spectra: Mapping[str, Picture], captions: Mapping[str, str]
+) -> Picture:
+    """
+    Draw the strip.
+
+    Parameters
+    ----------
+    spectra : mapping of str to array, (H, W, 3)
+        Spectra of the variants.
+    captions : mapping of str to str
+        A line under the name of each variant.
+
+    Returns
+    -------
+    array, (H, W, 3), uint8
+    """
+    rows = _rows(data, shown, spectra)
+    names = [*shown.frames, *(["reference"] if data.reference is not None else [])]
+    bands = -(-len(names) // _COLUMNS)
+    columns = -(-len(names) // bands)
+    heights = [_height(row) for row in rows]
+    band = _HEAD + sum(height + _GAP for height in heights)
+    canvas = Pillow.new("RGB", (_LABELS + columns * (_CELL + _GAP), bands * band), "white")
+    pen = ImageDraw.Draw(canvas)
+    for index, name in enumerate(names):
+        x = _LABELS + (index % columns) * (_CELL + _GAP)
+        y = (index // columns) * band
+        _head(pen, x, y, name, captions.get(name, ""))
+        y += _HEAD
+        for row, height in zip(rows, heights, strict=True):
+            if index % columns == 0:
+                pen.multiline_text((0, y + 2), row.label, fill=_SOFT, font=_font(12), spacing=3)
+            if name in row.pictures:
+                canvas.paste(_scaled(row.pictures[name]), (x, y))
+            y += height + _GAP
+    return np.array(canvas)
+
+
+def _rows(data: Measured, shown: Shown, spectra: Mapping[str, Picture]) -> list[_Row]:
+    reference = data.reference
+    frames = dict(shown.frames)
+    if reference is not None:
+        frames["reference"] = reference.image.astype(np.float32)
+    truth = luminance(next(iter(shown.runs.values()))[0].mean)
+    truth = truth if reference is None else reference.luminance
+    rows = [_Row("frame", _exposed(frames, shown.scale))]
+    for label, smooth in (("detail", False), ("smooth", True)):
+        crop = crop_of(truth, smooth=smooth)
+        rows.append(_Row(f"{label}, 4 x", _exposed(frames, shown.scale, crop)))
+        if shown.denoised:
+            rows.append(_Row("denoised", _exposed(shown.denoised, shown.scale, crop)))
+    if reference is not None:
+        errors = _errors(shown, reference)
+        crop = crop_of(truth, smooth=True)
+        near = {name: error_picture(e)[crop] for name, e in errors.items()}
+        far = {name: seen_error_picture(e)[crop] for name, e in errors.items()}
+        rows.append(_Row("its error", near))
+        rows.append(_Row("error from\na distance", far))
+    if spectra:
+        rows.append(_Row("spectrum of\nthe error", spectra))
+    return rows
+
+
+def _errors(shown: Shown, reference: ReferenceImage) -> dict[str, FloatArray]:
+    return {
+        name: relative_errors(frame[None], reference, None)[0]
+        for name, frame in shown.frames.items()
+    }
+
+
+def _exposed(
+    frames: Mapping[str, Image], scale: float, crop: Place | None = None
+) -> dict[str, Picture]:
+    chosen = {name: frame if crop is None else frame[crop] for name, frame in frames.items()}
+    return {name: to_srgb8(scale * frame) for name, frame in chosen.items()}
+
+
+def _height(row: _Row) -> int:
+    picture = next(iter(row.pictures.values()))
+    return round(_CELL * picture.shape[0] / picture.shape[1])
+
+
+def _scaled(picture: Picture) -> Pillow.Image:
+    """Magnify crops pixel by pixel; whole frames and spectra are averaged where they shrink."""
+    image = Pillow.fromarray(np.ascontiguousarray(picture))
+    size = (_CELL, round(_CELL * picture.shape[0] / picture.shape[1]))
+    grows = size[0] >= image.width
+    return image.resize(size, Pillow.Resampling.NEAREST if grows else Pillow.Resampling.BOX)
+
+
+def _head(pen: ImageDraw.ImageDraw, x: int, y: int, name: str, caption: str) -> None:
+    font = _font(13)
+    text = name
+    while len(text) > 4 and pen.textlength(text, font=font) > _CELL:
+        text = text[:-2].rstrip("…") + "…"
+    pen.text((x, y + 6), text, fill=_INK, font=font)
+    pen.text((x, y + 24), caption, fill=_SOFT, font=_font(12))
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
