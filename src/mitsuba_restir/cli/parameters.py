@@ -27,6 +27,7 @@ PARAMETERS: Mapping[str, type] = {
     "retrace_history": bool,
     "mutations": int,
     "mutation_step": float,
+    "mutation_interval": int,
     "blue_noise": str,
     "blue_noise_weight": float,
     "blue_noise_seeds": bool,

@@ -9,9 +9,10 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..passes.alternate import decorrelate_alternating
 from ..passes.blue_noise_rule import mutate_by_rule
 from ..passes.color_history import ColorHistory, no_color_history, remember
-from ..passes.decorrelate import Mutated, decorrelate, metropolis_hastings
+from ..passes.decorrelate import Mutated, metropolis_hastings
 from ..passes.initial import initial
 from ..passes.primary import Primary
 from ..passes.reproject import reproject
@@ -215,6 +216,7 @@ def share_paths(
     tile: PairingTile,
     sample: Any,
     seed: Any,
+    turn: Any,
     dither: Dither | None,
 ) -> Frame:
     """Second half of a frame: mutations, spatial reuse and shading.
@@ -225,11 +227,14 @@ def share_paths(
         What the first half left.
     tile : PairingTile
         Partners for spatial reuse.
+    turn : UInt32
+        Running number of the frame; decides which pixels are mutated where not all are.
     """
     parameters, mapping = plan.parameters, replace(plan.mapping, dither=dither)
     reservoirs, outcomes = sampled.reservoirs, [sampled.outcomes]
     mutated = None
     if parameters.mutations > 0:
+        size = (plan.width, plan.height)
         steps = (parameters.mutations, parameters.mutation_step, sample, seed, mapping)
         if parameters.blue_noise in RULE:
             reservoirs, mutated = mutate_by_rule(
@@ -237,14 +242,22 @@ def share_paths(
                 sensor,
                 reservoirs,
                 now.hit,
-                (plan.width, plan.height),
+                size,
                 *steps,
                 parameters.blue_noise_weight,
                 parameters.blue_noise == "mutation_updated",
             )
         else:
-            reservoirs, mutated = decorrelate(
-                scene, sensor, reservoirs, now.hit, *steps, metropolis_hastings
+            reservoirs, mutated = decorrelate_alternating(
+                scene,
+                sensor,
+                reservoirs,
+                now.hit,
+                size,
+                parameters.mutation_interval,
+                turn,
+                *steps,
+                metropolis_hastings,
             )
         dr.eval(reservoirs, mutated)
 

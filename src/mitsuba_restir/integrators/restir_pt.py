@@ -95,6 +95,11 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
        - |float|
        - Standard deviation of a mutation in primary sample space. (Default: 0.05)
 
+     * - mutation_interval
+       - |int|
+       - Mutate only the n-th part of the pixels per frame, in sets that alternate so that every
+         pixel has its turn once in n frames. Cheaper, and as unbiased as all. (Default: 1)
+
      * - blue_noise
        - |string|
        - ``mutation``: mutations are accepted by a rule that prefers paths unlike those of the
@@ -163,6 +168,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self._camera: Camera | None = None
         self._frame: Frame | None = None
         self._sample = 0
+        self._turn = 0
 
     def render(
         self,
@@ -224,12 +230,21 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None
                 frame = self._share_paths(
-                    scene, spectral_sensor, now, sampled, self._tile, sample, seed, self._dither
+                    scene,
+                    spectral_sensor,
+                    now,
+                    sampled,
+                    self._tile,
+                    sample,
+                    seed,
+                    dr.opaque(mi.UInt32, self._turn),
+                    self._dither,
                 )
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
             self._sample += spp
+            self._turn += 1
             self._frame = frame
             return self._develop(sensor.film(), frame)
 
@@ -249,10 +264,10 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         dict
             ``matched``: share of pixels that found their history. One entry per reuse pass
             (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
-            something to shift. ``mutations``: per class of path, its share of the pixels, the
-            acceptance rate, the share of the accepted mutations that raise the target function,
-            and the mean accepted change of direction [rad]. ``biased``: parameters that bias
-            the image, if there are any.
+            something to shift. ``mutations``: per class of path, its share of the pixels that had
+            their turn, the acceptance rate, the share of the accepted mutations that raise the
+            target function, and the mean accepted change of direction [rad]. ``biased``:
+            parameters that bias the image, if there are any.
         """
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
@@ -372,12 +387,13 @@ def _mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, fl
     """Share, acceptance rate, share of steps upwards and mean step of every class of path."""
     kind, accepted = mutated.kind.numpy(), mutated.accepted.numpy()
     raised, angle = mutated.raised.numpy(), mutated.angle.numpy()
+    pixels = max(int((kind < len(CLASSES)).sum()), 1)
     shares = {}
     for index, name in enumerate(CLASSES):
         inside = kind == index
         steps = max(int(accepted[inside].sum()), 1)
         shares[name] = {
-            "share": float(inside.mean()),
+            "share": float(inside.sum() / pixels),
             "acceptance": float(accepted[inside].mean() / mutations) if inside.any() else 0.0,
             "raised": float(raised[inside].sum() / steps),
             "angle": float(angle[inside].sum() / steps),

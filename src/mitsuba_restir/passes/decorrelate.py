@@ -27,7 +27,7 @@ from ..paths.vertex import compact, seen_from
 from ..resampling.reservoir import Reservoir
 from ..sampling.streams import MUTATION, pass_stream, uniform, uniform2
 from ..shifts.mapping import ShiftMapping
-from ..shifts.perturb import State, at_vertex
+from ..shifts.perturb import State, at_vertex, next_interaction
 from ..shifts.pivot import Pivot, movable, mutation_class, pivot_of
 
 Acceptance = Callable[[State, State, Any], Any]
@@ -89,7 +89,8 @@ def decorrelate(
     active = (reservoirs.weight > 0) & movable(reservoirs.path)
     pivot = pivot_of(scene, sensor, reservoirs.path, hits, mapping, active)
     active = pivot.valid
-    state = _current(scene, pivot, reservoirs, mapping, active)
+    next_si = next_interaction(reservoirs.path, pivot.lambdas, active)
+    state = _current(scene, pivot, next_si, reservoirs, mapping, active)
 
     weight = mi.Float(reservoirs.weight)
     accepted = mi.UInt32(0)
@@ -98,10 +99,14 @@ def decorrelate(
     i = mi.UInt32(0)
 
     while dr.hint(active & (i < mutations), exclude=[mapping, acceptance], label="Mutations"):
-        proposed, transition = _propose(scene, pivot, state, random, i, step, mapping, active)
+        proposed, transition, shadow, tested = _propose(
+            scene, pivot, next_si, state, random, i, step, mapping, active
+        )
         u = uniform(random, i, 2)
         take = active & (u < acceptance(state, proposed, transition))
         take &= target(proposed.color) > 0
+        # An occluded proposal is rejected. Only what would be accepted needs to be tested for that.
+        take &= ~scene.ray_test(shadow, take & tested)
         weight = dr.select(take, weight * target(state.color) / target(proposed.color), weight)
         accepted += dr.select(take, mi.UInt32(1), 0)
         brighter = target(proposed.color) > target(state.color)
@@ -121,7 +126,12 @@ def decorrelate(
 
 
 def _current(
-    scene: mi.Scene, pivot: Pivot, reservoirs: Reservoir, mapping: ShiftMapping, active: Any
+    scene: mi.Scene,
+    pivot: Pivot,
+    next_si: mi.SurfaceInteraction3f,
+    reservoirs: Reservoir,
+    mapping: ShiftMapping,
+    active: Any,
 ) -> State:
     """The chain's first state: the reservoir's own path, with its stored colour."""
     path = reservoirs.path
@@ -130,21 +140,27 @@ def _current(
     # A path to the environment has no vertex; its direction is stored.
     direction = dr.select(kind_of(path) == kinds.ENVIRONMENT, path.wo, ray.d)
     si.wi = dr.select(si.is_valid(), si.wi, -direction)
-    state, _, _ = at_vertex(scene, pivot, path, path.vertex, si, direction, mapping, active)
+    state, _, _ = at_vertex(
+        scene, pivot, next_si, path, path.vertex, si, direction, mapping, active
+    )
     return State(path, reservoirs.color, state.density, state.direction, state.pdf)
 
 
 def _propose(
     scene: mi.Scene,
     pivot: Pivot,
+    next_si: mi.SurfaceInteraction3f,
     state: State,
     random: Any,
     index: Any,
     step: float,
     mapping: ShiftMapping,
     active: Any,
-) -> tuple[State, Any]:
-    """Draw a proposal and its ratio T(y->x)/T(x->y)."""
+) -> tuple[State, Any, mi.Ray3f, Any]:
+    """Draw a proposal; return it, T(y->x)/T(x->y), and its shadow ray with the lanes that have one.
+
+    Its colour is that without occlusion.
+    """
     u = mi.Point2f(*uniform2(random, index, 0))
     by_numbers = kind_of(state.path) == kinds.REPLAY_NEE
     to_environment = kind_of(state.path) == kinds.ENVIRONMENT
@@ -160,17 +176,14 @@ def _propose(
     lands = active & (by_numbers | (si.is_valid() ^ to_environment))
 
     proposed, shadow, tested = at_vertex(
-        scene, pivot, path, compact(pi, si.p), si, direction, mapping, lands
+        scene, pivot, next_si, path, compact(pi, si.p), si, direction, mapping, lands
     )
-    bright = lands & (target(proposed.color) > 0)
-    occluded = scene.ray_test(shadow, bright & tested)
-    proposed = replace(proposed, color=dr.select(bright & ~occluded, proposed.color, 0))
 
     lobe = _log_lobe(state, proposed.pdf, proposed, step) - _log_lobe(
         proposed, state.pdf, state, step
     )
     transition = proposed.density / state.density * dr.select(by_numbers, 1, dr.exp(lobe))
-    return proposed, transition
+    return proposed, transition, shadow, tested
 
 
 def _move_numbers(path: PathRecord, moves: Any, u: Any, step: float) -> PathRecord:

@@ -62,9 +62,19 @@ class State:
     pdf: Any
 
 
+def next_interaction(path: PathRecord, lambdas: Any, active: Any) -> mi.SurfaceInteraction3f:
+    """Interaction at x_{k+1} as seen from the path's own x_k; its point is the same from others."""
+    following = continuation_of(path).vertex
+    ray, pi = seen_from(following, path.vertex.p, lambdas)
+    kind = kind_of(path)
+    used = active & ((kind == kinds.FAR) | (kind == kinds.HIT)) & exists(following)
+    return pi.compute_surface_interaction(ray, active=used)
+
+
 def at_vertex(
     scene: mi.Scene,
     pivot: Pivot,
+    next_si: mi.SurfaceInteraction3f,
     path: PathRecord,
     vertex: Vertex,
     si_k: mi.SurfaceInteraction3f,
@@ -76,6 +86,8 @@ def at_vertex(
 
     Parameters
     ----------
+    next_si : SurfaceInteraction3f
+        The path's :func:`next_interaction`.
     path : PathRecord
         The path to be changed (a ``REPLAY_NEE`` path carries the light's new numbers already).
     vertex, si_k : Vertex, SurfaceInteraction3f
@@ -116,7 +128,8 @@ def at_vertex(
     # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
 
     ray_n, pi_n = seen_from(following.vertex, si_k.p, pivot.lambdas)
-    si_n = pi_n.compute_surface_interaction(ray_n, active=ahead)
+    si_n = mi.SurfaceInteraction3f(next_si)
+    si_n.wi = next_si.to_local(-ray_n.d)
     wo = dr.select(nee, light.d, dr.select(ahead, ray_n.d, path.wo))
     value_k, pdf_k = evaluate(si_k, bsdf_k, wo, onward)
     value_n, pdf_n = evaluate(si_n, si_n.bsdf(), following.wo, ahead & far)
