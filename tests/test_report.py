@@ -225,7 +225,7 @@ def test_masks_and_mutations_are_drawn_where_they_are_used(tmp_path: Path) -> No
     data = _white_and_blurred()
     shown = shown_of(data)
     assert not mask_pictures(study).pictures
-    assert not mutation_pictures(study, shown, data.reference).pictures
+    assert not mutation_pictures(study, data, shown).pictures
     text = STUDY.replace('"path"', '"restir_pt"', 1).replace("plain", "white")
     text = text.replace("better", "blotches")
     file.write_text(f"{text}\nmutations = 5\nblue_noise = 'mutation'\n")
@@ -237,9 +237,9 @@ def test_masks_and_mutations_are_drawn_where_they_are_used(tmp_path: Path) -> No
     blue, white = (pictures[f"{kind} mask, spectrum"].astype(int) for kind in ("blue", "white"))
     middle = slice(118, 138)
     assert blue[middle, middle].mean() < 0.5 * white[middle, middle].mean()
-    drawn = mutation_pictures(study, shown, data.reference).pictures
+    drawn = mutation_pictures(study, data, shown).pictures
     assert list(drawn) == ["white", "blotches"]
-    assert drawn["white"].shape == (4 * CROP, 2 * 4 * CROP + 4, 3)
+    assert drawn["white"].shape == (4 * 48, 2 * 4 * 48 + 4, 3)
 
 
 def test_maps_are_stored_with_a_palette() -> None:
@@ -301,6 +301,18 @@ def test_numbers_as_a_data_frame_and_a_figure(results: Results) -> None:
     assert results.figure("RMSE").axes[0].get_xlabel() == "RMSE"
     with pytest.raises(UsageError, match=r"no 'SMAPE' at 64x40: there are RMSE"):
         results.figure("SMAPE")
+    for drawn in (results.convergence(), results.convergence("seconds"), results.spectra()):
+        labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]
+        assert labels == ["plain", "better"]
+
+
+def test_a_study_runs_by_name_in_a_folder_of_its_own(
+    results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    again = run(str(tmp_path / "drawn.toml"))
+    assert again.path == Path("out/evaluate-drawn")
+    assert again.table.records() == results.table.records()
 
 
 @pytest.fixture

@@ -6,9 +6,11 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mitsuba_restir.cli import evaluate
@@ -99,6 +101,9 @@ def test_variants_can_be_left_out() -> None:
         (["shifts", "-s", "variants.hybrid.shfit='hybrid'"], "variant 'hybrid'.*shfit"),
         (["shifts", "--quick", "--without", "x"], "no variant 'x'"),
         (["shifts", "-s", "reference.file='nowhere.exr'", "-s", "reference.spp=0"], "nowhere.exr"),
+        (["shifts", "--reference", "nowhere.exr"], "nowhere.exr is not a file"),
+        (["shifts", "--reference-variance", "v.exr"], "it needs --reference"),
+        (["shifts", "--quick", "--reference", "r.exr"], "leave one of them out"),
     ],
 )
 def test_wrong_use_is_one_line(
@@ -122,6 +127,61 @@ def test_a_read_only_output_is_one_line(file: str, tmp_path: Path) -> None:
             pytest.skip("no folder here refuses root")
     with pytest.raises((UsageError, RenderError), match=r"cannot (make|write)"):
         run_study(load_study(file), folder / "out")
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 96 KiB, where this process may mount one."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=96k", "mitsuba-restir-test", str(place)]
+    try:
+        done = subprocess.run(mount, capture_output=True, check=False)
+    except FileNotFoundError:
+        pytest.skip("a full disk is tested where there is `mount`")
+    if done.returncode:
+        pytest.skip("a full disk is tested where this user may mount one (root on Linux)")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.mark.slow
+def test_a_full_disk_loses_nothing(file: str, tiny_disk: Path, tmp_path: Path) -> None:
+    """A real disk runs full; with room again, the study goes on to the same numbers."""
+    out = tiny_disk / "out"
+    ballast = tiny_disk / "ballast"
+    ballast.write_bytes(bytes(80 << 10))
+    study = load_study(file)
+    with pytest.raises(RenderError, match=r"cannot write .*: No space left on device") as found:
+        run_study(study, out)
+    assert "\n" not in str(found.value)
+    assert not list(out.rglob("*.partial"))
+    finished = {f: f.read_bytes() for f in out.rglob("*.npz")}
+    ballast.unlink()
+    run_study(study, out)
+    assert {f: f.read_bytes() for f in finished} == finished
+    run_study(study, tmp_path / "whole")
+    assert _numbers(out) == _numbers(tmp_path / "whole")
+
+
+@pytest.mark.slow
+def test_a_reference_of_the_user(file: str, tmp_path: Path) -> None:
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("llvm_ad_rgb")
+    for name, level, width in (("r", 0.5, 16), ("v", 1e-4, 16), ("wrong", 0.5, 17)):
+        image = np.full((12, width, 3), level, dtype=np.float32)
+        mi.Bitmap(image).write(str(tmp_path / f"{name}.exr"))
+    own = ["--reference", str(tmp_path / "r.exr")]
+    variance = ["--reference-variance", str(tmp_path / "v.exr")]
+    out = tmp_path / "out"
+    assert _evaluate(file, "-o", str(out), *own, *variance, "-s", "runs=2") == 0
+    config = (out / "config.toml").read_text()
+    assert f'file = "{tmp_path / "r.exr"}"' in config
+    assert f'variance = "{tmp_path / "v.exr"}"' in config
+    assert " ".join([*own, *variance]) in (out / "report.html").read_text("utf-8")
+    with pytest.raises(UsageError, match=r"wrong\.exr has 17x12 pixels, the study 16x12"):
+        _evaluate(file, "-o", str(tmp_path / "no"), "--reference", str(tmp_path / "wrong.exr"))
+    assert not (tmp_path / "no").exists()
 
 
 @pytest.mark.slow
@@ -163,6 +223,43 @@ def test_killed_three_times_and_gone_on_with(file: str, tmp_path: Path) -> None:
         finished = now
     assert finished
     run_study(study, out)
+    run_study(study, tmp_path / "whole")
+    assert _numbers(out) == _numbers(tmp_path / "whole")
+
+
+WRITING_KILLER = """
+import os, signal, sys
+from pathlib import Path
+from mitsuba_restir.studies import load_study, run_study
+
+left = int(sys.argv[3])
+sync = os.fsync
+
+def kill(handle):
+    global left
+    left -= 1
+    if left == 0:
+        os.ftruncate(handle, 100)
+        os.kill(os.getpid(), signal.SIGKILL)
+    sync(handle)
+
+os.fsync = kill
+run_study(load_study(sys.argv[1]), Path(sys.argv[2]))
+"""
+
+
+@pytest.mark.slow
+def test_killed_while_it_writes(file: str, tmp_path: Path) -> None:
+    """Killed with a file half written, three times: what is half written is never taken."""
+    study = load_study(file)
+    out = tmp_path / "killed"
+    for write in (4, 7, 9):
+        command = [sys.executable, "-c", WRITING_KILLER, file, str(out), str(write)]
+        assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+        assert list(tmp_path.rglob(".*.partial"))
+    table = run_study(study, out)
+    assert not table.notes
+    assert not list(out.rglob(".*.partial"))
     run_study(study, tmp_path / "whole")
     assert _numbers(out) == _numbers(tmp_path / "whole")
 

@@ -6,14 +6,16 @@ import argparse
 import shlex
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
+from ..errors import UsageError
 from ..studies import load_study, packaged_studies, run_study, write_report
 from ..studies.adapt import on_scene, quick, without
-from ..studies.config import Study
+from ..studies.config import Reference, Study
 from ..studies.dask_cluster import dask_cluster
 from ..studies.progress import progress_bar
 from ..studies.store import StudyFolder
@@ -34,6 +36,14 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument(
         "--quick", action="store_true", help="small images and few runs: a look, not a measurement"
+    )
+    parser.add_argument(
+        "--reference",
+        metavar="EXR",
+        help="compare with this image instead of rendering a reference; of the study's size",
+    )
+    parser.add_argument(
+        "--reference-variance", metavar="EXR", help="variance of each of its values, as an image"
     )
     parser.add_argument(
         "--without", action="append", default=[], metavar="VARIANT", help="leave a variant out"
@@ -75,7 +85,20 @@ def _study(options: argparse.Namespace) -> Study:
         study = without(study, options.without)
     if options.scene:
         study = on_scene(study, options.scene)
-    return quick(study) if options.quick else study
+    if options.quick:
+        study = quick(study)
+    return _with_reference(options, study)
+
+
+def _with_reference(options: argparse.Namespace, study: Study) -> Study:
+    file, variance = options.reference, options.reference_variance
+    if variance and not file:
+        raise UsageError("argument --reference-variance: it needs --reference")
+    if not file:
+        return study
+    if options.quick:
+        raise UsageError("argument --reference: --quick changes the size; leave one of them out")
+    return replace(study, reference=Reference(file=file, variance=variance or ""))
 
 
 def _folder(options: argparse.Namespace, study: Study) -> str:
@@ -94,6 +117,9 @@ def _command(options: argparse.Namespace, folder: Path) -> str:
         words += ["--scene", options.scene]
     if options.quick:
         words.append("--quick")
+    for option in ("reference", "reference_variance"):
+        if value := getattr(options, option):
+            words += [f"--{option.replace('_', '-')}", value]
     for option, values in (("--without", options.without), ("-s", options.changes)):
         for value in values:
             words += [option, value]

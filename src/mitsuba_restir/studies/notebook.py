@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import UsageError
-from .config import Study
-from .report import write_report
-from .report.figures import bars
-from .runner import Progress, run_study
+from .config import Size, Study
+from .files import load_study
+from .frame_errors import chain_spectra
+from .report import curves as report_curves
+from .report import figures, write_report
+from .report.colours import line_colours
+from .results import Measured
+from .runner import Progress, load_size, run_study
 from .store import StudyFolder
 from .table import Table
 
@@ -54,27 +59,77 @@ class Results:
         UsageError
             The study does not have it.
         """
-        size = size or "{}x{}".format(*self.study.sizes[0])
+        size = size or _label(self.study.sizes[0])
         rows = [r for r in self.table.rows if r.quantity == quantity and r.size == size]
         if not rows:
             known = dict.fromkeys(row.quantity for row in self.table.rows)
             raise UsageError(f"no '{quantity}' at {size}: there are {', '.join(known)}")
-        return bars(rows, quantity)
+        return figures.bars(rows, quantity)
+
+    def convergence(self, over: str = "frames") -> Figure:
+        """
+        Draw the error over "frames" or "seconds", at the first size.
+
+        Raises
+        ------
+        UsageError
+            The study did not keep its frames, or has no reference.
+        """
+        found = report_curves.convergence(self._first)
+        if not found:
+            raise UsageError(f"{self.study.name}: convergence needs keep = 'all' and a [reference]")
+        return figures.convergence(found, over, line_colours(self._first.runs))
+
+    def spectra(self) -> Figure:
+        """
+        Draw the power of the relative error by frequency, at the first size.
+
+        Raises
+        ------
+        UsageError
+            The study has no reference.
+        """
+        reference = self._first.reference
+        if reference is None:
+            raise UsageError(f"{self.study.name}: spectra of errors need a [reference]")
+        powers = chain_spectra(self._first, reference)
+        found = report_curves.radial_powers(self._first, powers)
+        return figures.radial(found, line_colours(self._first.runs))
 
     def report(self) -> Path:
         """Write the HTML report and return its path."""
         command = f"python -m mitsuba_restir.studies {self.path / 'config.toml'} -o {self.path}"
         return write_report(StudyFolder(self.path, self.study), self.table, command)
 
+    @cached_property
+    def _first(self) -> Measured:
+        return load_size(StudyFolder(self.path, self.study), self.study.sizes[0])
 
-def run(study: Study, path: str | Path, progress: Progress | None = None) -> Results:
+
+def run(
+    study: Study | str, path: str | Path | None = None, progress: Progress | None = None
+) -> Results:
     """
     Run a study, or go on with one, in a folder.
+
+    Parameters
+    ----------
+    study : Study or str
+        A study, the name of a packaged one, or the path of a TOML file.
+    path : path, optional
+        Folder of the results, ``out/evaluate-NAME`` by default.
+    progress : callable, optional
+        As of `run_study`.
 
     Raises
     ------
     UsageError, RenderError
         As `run_study`.
     """
-    folder = Path(path)
-    return Results(study, folder, run_study(study, folder, progress))
+    chosen = load_study(study) if isinstance(study, str) else study
+    folder = Path("out") / f"evaluate-{chosen.name}" if path is None else Path(path)
+    return Results(chosen, folder, run_study(chosen, folder, progress))
+
+
+def _label(size: Size) -> str:
+    return f"{size[0]}x{size[1]}"

@@ -13,8 +13,8 @@ from ...analysis.images import FloatArray
 from ...imageio import to_srgb8
 from ...sampling import masks
 from ..config import Study, Variant
-from ..frame_errors import CLIP, relative_errors
-from ..results import ReferenceImage
+from ..frame_errors import CLIP, frames_of, relative_errors
+from ..results import Measured
 from .colours import Picture, diverging, sequential
 from .curves import LAG_RADIUS, Lags
 from .pictures import Gallery, Shown
@@ -22,6 +22,7 @@ from .strips import crop_of
 
 _MASKED = ("blue_noise", "blue_noise_seeds", "neighbor_sampling")
 _MASK_CROP = 64
+_MUTATION_CROP = 64
 _MASK_RANGE = (-40.0, 10.0)  # decibel, relative to white noise
 _PERCENTILES = (1.0, 99.5)
 _LAG_PERCENTILE = 98.0
@@ -112,13 +113,14 @@ def to_grey(values: npt.NDArray[np.floating[Any]]) -> Picture:
     return np.repeat(grey[..., None], 3, axis=2)
 
 
-def mutation_pictures(study: Study, shown: Shown, reference: ReferenceImage | None) -> Gallery:
+def mutation_pictures(study: Study, data: Measured, shown: Shown) -> Gallery:
     """
     Draw a crop of the frame and the spectrum of its error, side by side, for mutated variants.
 
     The spectrum is of the error: that of the picture itself would show the scene. It is the mean
-    over the runs.
+    over frames and runs.
     """
+    reference = data.reference
     mutated = {
         name
         for name, variant in study.variants.items()
@@ -127,11 +129,14 @@ def mutation_pictures(study: Study, shown: Shown, reference: ReferenceImage | No
     wanted = mutated | {study.baseline_of(name) for name in mutated}
     pictures: dict[str, Picture] = {}
     if mutated and reference is not None:
-        rows, columns = crop_of(reference.luminance, smooth=True)
+        rows, columns = crop_of(reference.luminance, smooth=True, side=_MUTATION_CROP)
         decibel = {}
         for name in (n for n in shown.runs if n in wanted):
-            errors = relative_errors(np.stack([r.last for r in shown.runs[name]]), reference, CLIP)
-            decibel[name] = _decibel(spectrum.power_spectrum(errors[:, rows, columns]))
+            errors = [
+                relative_errors(frames_of(data, run), reference, CLIP)[:, rows, columns]
+                for run in shown.runs[name]
+            ]
+            decibel[name] = _decibel(spectrum.power_spectrum(np.concatenate(errors)))
         low, high = _range(decibel)
         for name, d in decibel.items():
             crop = to_srgb8(shown.scale * shown.frames[name][rows, columns])
@@ -141,6 +146,6 @@ def mutation_pictures(study: Study, shown: Shown, reference: ReferenceImage | No
             pictures[name] = np.concatenate([large[0], gap, large[1]], axis=1)
     about = (
         "Left, a crop of the frame at 4 times its size; right, the spectrum of the error there, "
-        "mean over runs, 0 in the middle."
+        "mean over frames and runs, 0 in the middle."
     )
     return Gallery("mutations", "Mutations: crop and spectrum", about, pictures)

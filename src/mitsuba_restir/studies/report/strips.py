@@ -17,21 +17,21 @@ from ..results import Image, Measured, ReferenceImage
 from .colours import Picture
 from .pictures import Shown, error_picture, seen_error_picture
 
-CROP = 40
+CROP = 32
 _ZOOM = 4
 _CELL = CROP * _ZOOM
 _GAP = 6
 _LABELS = 96
 _HEAD = 46
-_COLUMNS = 7
+_COLUMNS = 10
 _INK, _SOFT = "#1d2330", "#667085"
 
 Place = tuple[slice, slice]
 
 
-def crop_of(y: FloatArray, *, smooth: bool) -> Place:
+def crop_of(y: FloatArray, *, smooth: bool, side: int = CROP) -> Place:
     """
-    Choose a crop of at most 40 pixels: rows and columns.
+    Choose a crop: rows and columns.
 
     Parameters
     ----------
@@ -40,8 +40,10 @@ def crop_of(y: FloatArray, *, smooth: bool) -> Place:
     smooth : bool
         Where the image changes least, where noise is all there is to see; else where it changes
         most. Neither very dark nor very bright places are taken.
+    side : int
+        Its side in pixels; smaller images are taken whole.
     """
-    side = min(CROP, *y.shape)
+    side = min(side, *y.shape)
     calm = np.log(np.maximum(ndimage.gaussian_filter(y, 2.0), 1e-6 * max(y.max(), 1e-30)))
     dark, bright = np.log(np.maximum(np.percentile(y, [25.0, 90.0]), 1e-30))
     best, place = -np.inf, (0, 0)
@@ -50,7 +52,7 @@ def crop_of(y: FloatArray, *, smooth: bool) -> Place:
         for column in range(0, y.shape[1] - side + 1, step):
             window = calm[row : row + side, column : column + side]
             outside = float(np.mean((window < dark) | (window > bright)))
-            score = (-1.0 if smooth else 1.0) * float(window.std()) - 2.0 * outside
+            score = (-1.0 if smooth else 1.0) * float(window.std()) - 4.0 * outside
             if score > best:
                 best, place = score, (row, column)
     row, column = place

@@ -147,7 +147,7 @@ def _galleries(
         *galleries(data, shown),
         covariances_by_lag(found.lags),
         spectra(powers),
-        mutation_pictures(study, shown, data.reference),
+        mutation_pictures(study, data, shown),
         mask_pictures(study),
     ]
     return [gallery for gallery in pictures if gallery.pictures]
