@@ -265,9 +265,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             ``matched``: share of pixels that found their history. One entry per reuse pass
             (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
             something to shift. ``mutations``: per class of path, its share of the pixels that had
-            their turn, the acceptance rate, the share of the accepted mutations that raise the
-            target function, and the mean accepted change of direction [rad]. ``biased``:
-            parameters that bias the image, if there are any.
+            their turn, the acceptance rate, the shares of the accepted mutations that raise and
+            that lower the target function, and the mean accepted change of direction [rad].
+            ``biased``: parameters that bias the image, if there are any.
         """
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
@@ -386,7 +386,8 @@ def _outcome_shares(packed: list[Any], shifts: int) -> dict[str, float]:
 def _mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, float]]:
     """Share, acceptance rate, share of steps upwards and mean step of every class of path."""
     kind, accepted = mutated.kind.numpy(), mutated.accepted.numpy()
-    raised, angle = mutated.raised.numpy(), mutated.angle.numpy()
+    raised, lowered = mutated.raised.numpy(), mutated.lowered.numpy()
+    angle = mutated.angle.numpy()
     pixels = max(int((kind < len(CLASSES)).sum()), 1)
     shares = {}
     for index, name in enumerate(CLASSES):
@@ -396,6 +397,7 @@ def _mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, fl
             "share": float(inside.sum() / pixels),
             "acceptance": float(accepted[inside].mean() / mutations) if inside.any() else 0.0,
             "raised": float(raised[inside].sum() / steps),
+            "lowered": float(lowered[inside].sum() / steps),
             "angle": float(angle[inside].sum() / steps),
         }
     return shares

@@ -177,9 +177,9 @@ def mutate_by_rule(
         rule = blue_noise_rule(around, pixel, reservoirs.weight, blend)
         return decorrelate(scene, sensor, reservoirs, hits, *steps, rule)
 
-    accepted, raised = (dr.zeros(mi.UInt32, width * height) for _ in range(2))
+    accepted, raised, lowered = (dr.zeros(mi.UInt32, width * height) for _ in range(3))
     angle = dr.zeros(mi.Float, width * height)
-    total = Mutated(mutation_class(reservoirs.path), accepted, raised, angle)
+    total = Mutated(mutation_class(reservoirs.path), accepted, raised, lowered, angle)
     result = dr.copy(reservoirs)
     dr.eval(total, result)
     # The order of the sets changes from frame to frame: the stream of the pixel after the last.

@@ -39,14 +39,15 @@ class Mutated:
     """What the mutations did, per pixel.
 
     Fields: ``kind`` (``UInt32``, index into :data:`mitsuba_restir.shifts.pivot.CLASSES`),
-    ``accepted`` (``UInt32``, number of accepted steps), ``raised`` (``UInt32``, those of them that
-    raised the target function), ``angle`` (``Float``, sum of the changes of direction of the
-    accepted steps [rad]).
+    ``accepted`` (``UInt32``, number of accepted steps), ``raised`` and ``lowered`` (``UInt32``,
+    those of them that changed the target function), ``angle`` (``Float``, sum of the changes of
+    direction of the accepted steps [rad]).
     """
 
     kind: Any
     accepted: Any
     raised: Any
+    lowered: Any
     angle: Any
 
 
@@ -95,6 +96,7 @@ def decorrelate(
     weight = mi.Float(reservoirs.weight)
     accepted = mi.UInt32(0)
     raised = mi.UInt32(0)
+    lowered = mi.UInt32(0)
     angle = mi.Float(0)
     i = mi.UInt32(0)
 
@@ -109,8 +111,9 @@ def decorrelate(
         take &= ~scene.ray_test(shadow, take & tested)
         weight = dr.select(take, weight * target(state.color) / target(proposed.color), weight)
         accepted += dr.select(take, mi.UInt32(1), 0)
-        brighter = target(proposed.color) > target(state.color)
-        raised += dr.select(take & brighter, mi.UInt32(1), 0)
+        gain = target(proposed.color) - target(state.color)
+        raised += dr.select(take & (gain > 0), mi.UInt32(1), 0)
+        lowered += dr.select(take & (gain < 0), mi.UInt32(1), 0)
         angle += dr.select(take, dr.norm(proposed.direction - state.direction), 0)
         state = dr.select(take, proposed, state)
         i += 1
@@ -122,7 +125,8 @@ def decorrelate(
         dr.select(moved, weight, reservoirs.weight),
         reservoirs.confidence,
     )
-    return mutated, Mutated(mutation_class(reservoirs.path), accepted, raised, angle)
+    kind = mutation_class(reservoirs.path)
+    return mutated, Mutated(kind, accepted, raised, lowered, angle)
 
 
 def _current(
