@@ -18,7 +18,7 @@ from ..passes.primary import Primary
 from ..passes.reproject import reproject
 from ..passes.retrace import retrace
 from ..passes.selection import select
-from ..passes.shade import auxiliary, mutation_luminances, reservoir_color
+from ..passes.shade import auxiliary, mutation_luminances, path_number, reservoir_color
 from ..passes.spatial import exchange, merge, neighbor_choices
 from ..passes.temporal import temporal
 from ..paths.camera import Camera
@@ -266,6 +266,10 @@ def share_paths(
     if "mutation" in kinds:
         luminances = mutation_luminances(sampled.reservoirs, reservoirs)
         dr.eval(luminances)
+    paths = []
+    if "path" in kinds:
+        paths = [path_number(sampled.reservoirs), path_number(reservoirs)]
+        dr.eval(paths)
 
     color = reservoir_color(reservoirs)
     selects = parameters.blue_noise == SELECTION
@@ -300,7 +304,9 @@ def share_paths(
 
     color += now.emitted
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
-    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence, luminances, past)
+    if "path" in kinds:
+        paths.append(path_number(reservoirs))
+    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence, luminances, past, paths)
     dr.eval(color, extra)
     return Frame(
         color,

@@ -8,6 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.identity import identity
 from ..paths.primary_hit import PrimaryHit, camera_ray
 from ..paths.spectrum import target
 from ..paths.vertex import exists
@@ -21,6 +22,7 @@ AOV_CHANNELS = {
     "motion": ("X", "Y"),
     "confidence": ("C",),
     "mutation": ("before", "after", "mixed"),
+    "path": ("before", "after", "shown"),
     "history": ("R", "G", "B"),
 }
 """Auxiliary images and the suffixes of their channels, as Mitsuba's ``aov`` names them."""
@@ -40,6 +42,11 @@ def mutation_luminances(before: Reservoir, after: Reservoir) -> list[Any]:
     return [target(path.color) * weight.weight for path, weight in pairs]
 
 
+def path_number(reservoir: Reservoir) -> Any:
+    """Identity of the selected path as a ``Float``; -1 where there is no path."""
+    return dr.select(reservoir.weight > 0, mi.Float(identity(reservoir.path)), -1)
+
+
 def auxiliary(
     names: Sequence[str],
     hit: PrimaryHit,
@@ -47,6 +54,7 @@ def auxiliary(
     confidence: Any,
     mutation: list[Any],
     history: Any,
+    paths: list[Any],
 ) -> list[Any]:
     """Channels of the requested auxiliary images, in order, one ``Float`` per channel.
 
@@ -62,6 +70,9 @@ def auxiliary(
         See :func:`mutation_luminances`; empty where it is not wanted.
     history : Color3f
         The colour history, with the light seen directly.
+    paths : list of Float
+        See :func:`path_number`: before and after the mutations, and after spatial reuse; empty
+        where they are not wanted.
     """
     images: dict[str, Any] = {
         "sh_normal": hit.normal,
@@ -71,6 +82,7 @@ def auxiliary(
         "confidence": [confidence],
         "mutation": mutation,
         "history": history,
+        "path": paths,
     }
     if "albedo" in names:
         ray, pi = camera_ray(hit, dr.zeros(mi.Ray3f).wavelengths)

@@ -17,6 +17,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..analysis.duplication import duplicated_share
 from .config import Size, Study
 from .mutation_spectra import CHANNELS, numbers
 from .rays import counted_rays
@@ -45,6 +46,13 @@ class _Task:
         scene = load_scene(self.study)
         variant = self.study.variants[self.variant]
         return make_renderer(self.study, scene, self.size, self.variant, variant)
+
+    def with_images(self, aovs: str) -> _Task:
+        """The same with auxiliary images in place of the variant's own."""
+        variant = self.study.variants[self.variant]
+        variant = replace(variant, parameters={**variant.parameters, "aovs": aovs})
+        study = replace(self.study, variants={**self.study.variants, self.variant: variant})
+        return replace(self, study=study)
 
     def frames(self, renderer: Renderer, first: int, count: int) -> None:
         for frame in range(first, first + count):
@@ -84,17 +92,28 @@ def _kernels(task: _Task) -> dict[str, float]:
 
 
 def _statistics(task: _Task) -> dict[str, float]:
-    """Mean over the measured frames of what the integrator says about each."""
-    renderer = task.renderer()
-    if renderer.statistics is None:
+    """Mean over the frames: what the integrator says of each, and the share of duplicated paths."""
+    if task.renderer().statistics is None:
         return {}
+    renderer = task.with_images("path").renderer()
+    assert renderer.statistics is not None
     task.frames(renderer, 0, task.warmup)
     found: dict[str, list[float]] = {}
     for frame in range(task.study.frames):
-        task.frames(renderer, task.warmup + frame, 1)
-        for name, value in _flat(renderer.statistics()).items():
+        image = task.tensor(renderer, task.warmup + frame)
+        numbers = _flat(renderer.statistics()) | _duplicated(image[..., -3:].astype(np.int64))
+        for name, value in numbers.items():
             found.setdefault(name, []).append(value)
     return {name: float(np.mean(values)) for name, values in found.items()}
+
+
+def _duplicated(paths: np.ndarray[Any, Any]) -> dict[str, float]:
+    """Share of duplicated paths in the three images of the auxiliary image ``path``."""
+    stages = ("before mutations", "after mutations", "after spatial reuse")
+    return {
+        f"duplicated paths r=8, {stage}": duplicated_share(paths[..., index])
+        for index, stage in enumerate(stages)
+    }
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
@@ -109,18 +128,14 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
 
 def _mutation_spectra(task: _Task) -> dict[str, float]:
     """Spectra before and after spatial reuse; empty for integrators without mutations."""
-    study, variant = task.study, task.study.variants[task.variant]
     reference = np.load(task.reference)
-    parameters = {**variant.parameters, "aovs": CHANNELS}
-    variants = {**study.variants, task.variant: replace(variant, parameters=parameters)}
-    task = replace(task, study=replace(study, variants=variants))
-    renderer = task.renderer()
+    renderer = task.with_images(CHANNELS).renderer()
     if renderer.statistics is None:
         return {}
     task.frames(renderer, 0, task.warmup)
     found = [
         numbers(task.tensor(renderer, task.warmup + frame), reference)
-        for frame in range(study.frames)
+        for frame in range(task.study.frames)
     ]
     return {name: float(np.mean([each[name] for each in found])) for name in found[0]}
 
