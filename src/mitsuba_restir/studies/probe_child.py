@@ -93,7 +93,7 @@ def _kernels(task: _Task) -> dict[str, float]:
 
 def _statistics(task: _Task) -> dict[str, float]:
     """Mean over the frames: what the integrator says of each, and the share of duplicated paths."""
-    if task.renderer().statistics is None:
+    if task.study.variants[task.variant].type != "restir_pt":
         return {}
     renderer = task.with_images("path").renderer()
     assert renderer.statistics is not None
