@@ -10,7 +10,6 @@ from scipy import ndimage
 
 from mitsuba_restir.analysis import relative_covariance, spectrum
 from mitsuba_restir.studies.frame_errors import (
-    few_frames_of,
     filtered_mse,
     mean_square,
     reference_noise,
@@ -150,11 +149,3 @@ def test_biased_blocks_are_found() -> None:
     assert row.value.value > 0.06
     assert row.p_value is not None
     assert row.p_value < 1e-4
-
-
-def test_few_frames_are_far_apart() -> None:
-    frames = np.arange(5.0)[:, None, None, None] * np.ones((1, 4, 4, 3))
-    data = _data({"a": frames[None]}, ReferenceImage(np.ones((4, 4, 3)), np.zeros((4, 4, 3))))
-    assert few_frames_of(data, data.runs["a"][0])[:, 0, 0, 0].tolist() == [0.0, 4.0]
-    alone = _data({"a": frames[None, :1]}, ReferenceImage(np.ones((4, 4, 3)), np.zeros((4, 4, 3))))
-    assert few_frames_of(alone, alone.runs["a"][0]).shape[0] == 1

@@ -10,14 +10,14 @@ import numpy as np
 
 from ..analysis import metrics
 from ..analysis.denoise import denoise
-from .frame_errors import few_frames_of
+from .frame_errors import last_frame_of
 from .noise import check_reference
 from .results import Image, Measured, Row, Run
 from .scalars import of_frames, relmse
 
 
 def denoised(data: Measured) -> Iterator[Row]:
-    """RMSE, relMSE and HDR-FLIP of at most 2 frames of a run after OIDN's filter without guides."""
+    """RMSE, relMSE and HDR-FLIP of the last frame of a run after OIDN's filter without guides."""
     runs = {name: [_denoised(data, run) for run in runs] for name, runs in data.runs.items()}
     check_reference(data, runs, "denoised")
     clean = replace(data, runs=runs)
@@ -31,7 +31,7 @@ def denoised(data: Measured) -> Iterator[Row]:
 
 
 def _denoised(data: Measured, run: Run) -> Run:
-    frames = [denoise(frame).astype(np.float32) for frame in few_frames_of(data, run)]
+    frames = [denoise(frame).astype(np.float32) for frame in last_frame_of(data, run)]
     return replace(run, last=frames[-1], load_frames=partial(_stack, frames))
 
 

@@ -15,9 +15,6 @@ CLIP = 4.0
 SIGMA = 1.5
 """Of the Gaussian through which the filtered error is seen, in pixels."""
 
-# Frames of a run for what takes long to compute, such as FLIP and denoising.
-_FEW = 2
-
 
 def frames_of(data: Measured, run: Run) -> Image:
     """
@@ -30,10 +27,9 @@ def frames_of(data: Measured, run: Run) -> Image:
     return run.last[None] if frames is None else frames
 
 
-def few_frames_of(data: Measured, run: Run) -> Image:
-    """Return at most two of these frames, far apart."""
-    frames = frames_of(data, run)
-    return frames[:: max(len(frames) - 1, 1)][:_FEW]
+def last_frame_of(data: Measured, run: Run) -> Image:
+    """Return the last of these frames, (1, H, W, 3), for what takes seconds to compute."""
+    return frames_of(data, run)[-1:]
 
 
 def relative_errors(frames: ArrayLike, reference: ReferenceImage, clip: float | None) -> FloatArray:

@@ -16,7 +16,7 @@ from .correlations import (
     low_frequencies,
 )
 from .denoised import denoised
-from .frame_errors import few_frames_of, filtered_mse
+from .frame_errors import filtered_mse, last_frame_of
 from .probed import memory_slopes, of_probe
 from .results import Measured, Row
 from .scalars import equal_time, frame_time, of_frames, of_mean, relative_rmse, relmse, speed
@@ -93,11 +93,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         needs_reference=True,
     ),
     "flip": Quantity(
-        "HDR-FLIP of at most 2 frames of a run",
+        "HDR-FLIP of the last frame of a run",
         of_frames(
             "HDR-FLIP",
             lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
-            frames=few_frames_of,
+            frames=last_frame_of,
         ),
         needs_reference=True,
     ),
