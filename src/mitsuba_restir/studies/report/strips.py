@@ -52,7 +52,8 @@ def crop_of(y: FloatArray, *, smooth: bool, side: int = CROP) -> Place:
         for column in range(0, y.shape[1] - side + 1, step):
             window = calm[row : row + side, column : column + side]
             outside = float(np.mean((window < dark) | (window > bright)))
-            score = (-1.0 if smooth else 1.0) * float(window.std()) - 4.0 * outside
+            change = float(np.clip(window, dark, bright).std())
+            score = (-change if smooth else change) - outside
             if score > best:
                 best, place = score, (row, column)
     row, column = place
