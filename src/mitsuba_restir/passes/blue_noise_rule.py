@@ -13,6 +13,7 @@ the first mutation. Were it the weight that y gets, lum(F(y)) W(y) would be what
 anyway, e(y) = e(x), and the rule would do nothing: no mutation changes the luminance of its pixel.
 So the rule arranges values that are never shown. And it leaves detailed balance with respect to the
 target function, on which the update of W relies: whatever reuses the paths is biased unless w = 0.
+Paths with next to no light are unlike their neighbours too, and leave with weights without bound.
 """
 
 from __future__ import annotations
