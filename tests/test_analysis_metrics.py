@@ -10,6 +10,7 @@ from scipy import stats
 
 from mitsuba_restir.analysis import denoise, intervals, metrics
 from mitsuba_restir.analysis.images import LUMINANCE_WEIGHTS, luminance, smoothed_reference
+from mitsuba_restir.imageio import to_srgb8
 
 rng = np.random.default_rng(20240501)
 
@@ -225,3 +226,9 @@ def test_intervals_need_runs() -> None:
         intervals.ratio_interval([1.0, -3.0], [1.0, 1.0])
     with pytest.raises(ValueError, match="one shape"):
         intervals.paired_difference([1.0, 2.0], [1.0, 2.0, 3.0])
+
+
+def test_displayed_is_what_mitsuba_writes_to_8_bits() -> None:
+    pytest.importorskip("mitsuba").set_variant("llvm_ad_rgb")
+    ramp = np.linspace(-0.2, 1.4, 64, dtype=np.float32).reshape(8, 8, 1).repeat(3, axis=2)
+    assert np.abs(255 * metrics.displayed(ramp) - to_srgb8(ramp)).max() < 1

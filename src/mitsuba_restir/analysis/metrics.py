@@ -12,6 +12,7 @@ from .images import FloatArray, finite, image_pair, luminance
 
 __all__ = [
     "FlipResult",
+    "displayed",
     "hdr_flip",
     "luminance",
     "mean_ratio",
@@ -66,6 +67,22 @@ def rmse(
     a, b = image_pair(image, reference)
     excess = float(np.mean((a - b) ** 2 - _variance_like(reference_variance, b.shape)))
     return math.sqrt(max(excess, 0.0))
+
+
+def displayed(image: ArrayLike) -> FloatArray:
+    """
+    Encode linear Rec. 709 as sRGB (IEC 61966-2-1), clipped to [0, 1] as a screen does.
+
+    Parameters
+    ----------
+    image : array_like, (H, W) or (H, W, C)
+
+    Returns
+    -------
+    ndarray, of the same shape
+    """
+    x = np.clip(finite(image, "The image", (2, 3)), 0.0, 1.0)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1.0 / 2.4) - 0.055)
 
 
 def relative_squared_error(

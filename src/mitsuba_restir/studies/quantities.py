@@ -67,6 +67,14 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         needs_reference=True,
     ),
+    "rmse_displayed": Quantity(
+        "root mean squared error of a frame as a screen shows it: sRGB, clipped to [0, 1]",
+        of_frames(
+            "RMSE, displayed",
+            lambda _, image, r: metrics.rmse(metrics.displayed(image), metrics.displayed(r.image)),
+        ),
+        needs_reference=True,
+    ),
     "rmse_relative": Quantity(
         "root mean squared relative error of the luminance of a frame, clipped at 4 and not",
         relative_rmse,
