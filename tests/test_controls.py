@@ -87,7 +87,7 @@ CONTROLS = {
     "pairwise weight of the canonical sample": Control(
         (
             Mutation(
-                "dr.select(theirs.valid, share(own, reach), 0)",
+                "dr.select(theirs.valid, canonical_share(pixels, reservoirs, reach), 0)",
                 "dr.select(theirs.valid, mi.Float(1), 0)",
             ),
         ),

@@ -14,19 +14,19 @@ from ..passes.blue_noise_rule import mutate_by_rule
 from ..passes.color_history import ColorHistory, no_color_history, remember
 from ..passes.decorrelate import Mutated, metropolis_hastings
 from ..passes.initial import initial
+from ..passes.neighbors import SAMPLING, spatial
 from ..passes.primary import Primary
 from ..passes.reproject import reproject
 from ..passes.retrace import retrace
 from ..passes.selection import select
 from ..passes.shade import auxiliary, mutation_luminances, path_number, reservoir_color
-from ..passes.spatial import exchange, merge, neighbor_choices
+from ..passes.spatial import Pixels
 from ..passes.temporal import temporal
 from ..paths.camera import Camera
 from ..paths.primary_hit import PrimaryHit, no_primary_hit
 from ..paths.settings import PathLimits
 from ..resampling.reservoir import Reservoir, empty_reservoir
 from ..sampling.dither import Dither
-from ..sampling.pairing import PairingTile
 from ..shifts.mapping import ShiftMapping
 from .parameters import RULE, SELECTION, Parameters
 
@@ -213,7 +213,7 @@ def share_paths(
     sensor: mi.Sensor | None,
     now: Primary,
     sampled: Sampled,
-    tile: PairingTile,
+    layout: Any,
     sample: Any,
     seed: Any,
     turn: Any,
@@ -225,8 +225,8 @@ def share_paths(
     ----------
     sampled : Sampled
         What the first half left.
-    tile : PairingTile
-        Partners for spatial reuse.
+    layout : Any
+        What the neighbours of spatial reuse are found with, see :data:`SAMPLING`.
     turn : UInt32
         Running number of the frame; decides which pixels are mutated where not all are.
     """
@@ -273,27 +273,16 @@ def share_paths(
 
     color = reservoir_color(reservoirs)
     selects = parameters.blue_noise == SELECTION
+    sampling = SAMPLING[parameters.neighbor_sampling]
+    pixels = Pixels(
+        scene, sensor, now.hit, plan.width, plan.height, parameters.spatial_neighbors, mapping
+    )
     for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
         round_number = dr.opaque(mi.UInt32, round_index)
-        choices = neighbor_choices(round_number, sample, seed)
-        exchanged = []
-        for index in range(parameters.spatial_neighbors):
-            theirs = exchange(
-                scene,
-                sensor,
-                reservoirs,
-                now.hit,
-                _size(plan),
-                tile,
-                dr.opaque(mi.UInt32, index),
-                parameters.spatial_neighbors,
-                choices,
-                mapping,
-            )
-            dr.eval(theirs)
-            exchanged.append(theirs)
-        reservoirs, color, pairs = merge(reservoirs, exchanged, round_number, sample, seed)
-        outcomes.append([theirs.outcome for theirs in exchanged])
+        reservoirs, color, pairs, shifts = spatial(
+            pixels, sampling, layout, reservoirs, round_number, sample, seed
+        )
+        outcomes.append(shifts)
         dr.eval(reservoirs, color, pairs if selects else None)
 
     colors = None

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from ..passes.neighbors import SAMPLING
 from ..passes.shade import AOV_CHANNELS
 from ..paths.record import MAX_EDGES
 
@@ -25,6 +26,7 @@ class Parameters:
     spatial_neighbors: int
     spatial_radius: float
     spatial_rounds: int
+    neighbor_sampling: str
     confidence_cap: float
     shift: str
     connectability: str
@@ -54,12 +56,11 @@ SELECTION = "selection"
 _CHOICES = {
     "shift": ("hybrid", "reconnection", "random_replay"),
     "connectability": ("footprint", "distance_roughness"),
-    "neighbor_sampling": ("random", "blue_noise"),
+    "neighbor_sampling": tuple(SAMPLING),
     "blue_noise": ("none", *RULE, SELECTION, "redistribution"),
 }
 
 _LATER = {
-    "neighbor_sampling": ("blue_noise",),
     "blue_noise": ("redistribution",),
 }
 """Announced values that are not there yet."""
@@ -74,7 +75,6 @@ def read_parameters(props: Any) -> Parameters:
         For a value outside the allowed range, naming the parameter and what is allowed.
     """
     max_depth = _integer(props, "max_depth", -1, -1)
-    _choice(props, "neighbor_sampling", "random")
     parameters = Parameters(
         max_depth=MAX_EDGES if max_depth == -1 else min(max_depth, MAX_EDGES),
         rr_depth=_integer(props, "rr_depth", 5, 1),
@@ -84,6 +84,7 @@ def read_parameters(props: Any) -> Parameters:
         spatial_neighbors=_integer(props, "spatial_neighbors", 3, 1, 32),
         spatial_radius=_number(props, "spatial_radius", 20.0, 1.0, 256.0),
         spatial_rounds=_integer(props, "spatial_rounds", 1, 1, 16),
+        neighbor_sampling=_choice(props, "neighbor_sampling", "random"),
         confidence_cap=_number(props, "confidence_cap", 20.0, 0.0, 1e6),
         shift=_choice(props, "shift", "hybrid"),
         connectability=_choice(props, "connectability", "footprint"),

@@ -1,4 +1,4 @@
-"""Spatial reuse: merge each pixel with similar partners by defensive pairwise MIS.
+"""Spatial reuse: merge each pixel with similar neighbours by defensive pairwise MIS.
 
 Lin et al. 2022 (GRIS), section 7.1 and supplement. With canonical sample x, V similar neighbours
 x_i out of k requested ones, and confidences c, neighbour i and the canonical sample are paired by
@@ -12,8 +12,9 @@ and the pixel is the plain mean of the V + 1 estimators that the pairs and the c
 Each has the expectation of the pixel. Their luminance sums to that of the selected sample, so
 shading by the mean of the g (vector weights) changes colour noise only.
 
-Neighbours are reciprocal: the shift of q's path to p serves both, as y_i of p and in m_{c,i} of q,
-and is computed once, by :func:`exchange`.
+The two halves of a pair are two shifts: the neighbour's path to the pixel, for y_i, and the
+pixel's path to the neighbour, for m_{c,i}. Who is whose neighbour, and how few shifts that takes,
+is decided in :mod:`mitsuba_restir.passes.neighbors`.
 """
 
 from __future__ import annotations
@@ -29,25 +30,46 @@ from ..paths.record import PathRecord
 from ..paths.spectrum import target
 from ..resampling.mis import density, share
 from ..resampling.reservoir import Reservoir
-from ..sampling.pairing import PairingTile, partner
-from ..sampling.streams import NEIGHBORS, SPATIAL, Stream, pass_stream, uniform
+from ..sampling.streams import Stream, uniform
 from ..shifts.hybrid import shift
 from ..shifts.mapping import ShiftMapping
-from .reuse import similar, with_factor
+from .reuse import with_factor
 
 
 @dataclass
-class Exchanged:
-    """The path of one partner of every pixel, shifted to the pixel.
+class Pixels:
+    """The pixels that share paths, and how.
 
-    Fields: ``partner`` (``UInt32``, row-major pixel index), ``valid`` (``Bool``, it exists and is
-    similar in the G-buffer), ``color`` (``Color3f``, F of the shifted path here), ``factor`` (its
-    own p G p), ``weight`` (m_i W_i J_i: what F counts with), ``reach`` (c p J: the density with
-    which this pixel makes the partner's path, for the partner's MIS weight), ``outcome`` (of the
-    shift).
+    Fields: ``scene``, ``sensor`` (samples wavelengths; None in RGB), ``hits`` (:class:`PrimaryHit`,
+    row-major), ``width``, ``height`` (int), ``neighbors`` (k), ``mapping``.
     """
 
-    partner: Any
+    scene: mi.Scene
+    sensor: mi.Sensor | None
+    hits: PrimaryHit
+    width: int
+    height: int
+    neighbors: int
+    mapping: ShiftMapping
+
+    @property
+    def size(self) -> tuple[Any, Any]:
+        """Width and height as opaque ``UInt32``, so that kernels fit all sizes."""
+        return dr.opaque(mi.UInt32, self.width), dr.opaque(mi.UInt32, self.height)
+
+
+@dataclass
+class Pulled:
+    """The path of one neighbour of every pixel, shifted to the pixel.
+
+    Fields: ``source`` (``UInt32``, row-major index of the neighbour), ``valid`` (``Bool``, there
+    is one that is reused), ``color`` (``Color3f``, F of the shifted path here),
+    ``factor`` (its own p G p), ``weight`` (m_i W_i J_i: what F counts with), ``reach`` (c p J: the
+    density with which this pixel makes the neighbour's path, for the neighbour's MIS weight; 0
+    where the neighbour does not weigh its sample against this pixel), ``outcome`` (of the shift).
+    """
+
+    source: Any
     valid: Any
     color: Any
     factor: Any
@@ -58,81 +80,103 @@ class Exchanged:
 
 @dataclass
 class PairEstimators:
-    """The estimators g_0 .. g_k of every pixel, each with the expectation of the pixel.
+    """The k + 1 estimators of every pixel's colour whose mean spatial reuse shows.
 
-    Fields: ``colors`` (list of ``Color3f``, the canonical sample's first), ``valid`` (list of
-    ``Bool``: the pixel has this pair; where not, the colour is zero).
+    Fields: ``colors`` (list of ``Color3f``: g_0 = F(x) W, then the g_i of the neighbours, each
+    with the expectation of the pixel), ``valid`` (list of ``Bool``: the pixel has that estimator,
+    g_0 everywhere).
     """
 
     colors: list[Any]
     valid: list[Any]
 
 
-def neighbor_choices(round_index: Any, sample: Any, seed: Any) -> Stream:
-    """The stream, common to all pixels, that draws a round's pairings."""
-    return pass_stream(NEIGHBORS, round_index, sample, seed)
-
-
-def exchange(
-    scene: mi.Scene,
-    sensor: mi.Sensor | None,
-    reservoirs: Reservoir,
-    hits: PrimaryHit,
-    size: tuple[Any, Any],
-    tile: PairingTile,
-    index: Any,
-    neighbors: int,
-    choices: Stream,
-    mapping: ShiftMapping,
-) -> Exchanged:
-    """Shift the path of its ``index``-th partner to every pixel.
+def pull(pixels: Pixels, reservoirs: Reservoir, source: Any, valid: Any, returned: Any) -> Pulled:
+    """Shift the path of one neighbour to every pixel.
 
     Paths are pulled rather than pushed: the lanes of a packet then start from adjacent pixels.
 
     Parameters
     ----------
-    reservoirs, hits : Reservoir, PrimaryHit
-        All pixels' reservoirs and primary hits, row-major.
-    size : (UInt32, UInt32)
-        Width and height in pixels.
-    index : UInt32
-        Number of the partner, below ``neighbors`` (opaque, so that all share one kernel).
-    choices : Stream
-        See :func:`neighbor_choices`.
+    reservoirs : Reservoir
+        All pixels' reservoirs, row-major.
+    source : UInt32
+        Every pixel's neighbour.
+    valid : Bool
+        Whether the pixel reuses the neighbour's path.
+    returned : Bool
+        Whether the neighbour weighs its sample against this pixel.
     """
-    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
-    other, inside = partner(tile, choices, index, pixel, size)
-    there = dr.gather(PrimaryHit, hits, other, inside)
-    theirs = dr.gather(Reservoir, reservoirs, other, inside)
-    # Similarity need not be symmetric: each side's own test decides whether it reuses the other.
-    valid = inside & similar(hits, there)
-    wanted = inside & (valid | similar(there, hits)) & (theirs.weight > 0)
-    shifted = shift(scene, sensor, theirs.path, hits, mapping, wanted)
+    hits = pixels.hits
+    theirs = dr.gather(Reservoir, reservoirs, source, valid | returned)
+    wanted = (valid | returned) & (theirs.weight > 0)
+    shifted = shift(pixels.scene, pixels.sensor, theirs.path, hits, pixels.mapping, wanted)
     m_other = share(
         density(theirs.confidence, target(theirs.color), 1 / shifted.jacobian),
-        reservoirs.confidence / neighbors * target(shifted.color),
+        reservoirs.confidence / pixels.neighbors * target(shifted.color),
     )
     used = valid & (target(shifted.color) > 0)
-    return Exchanged(
-        other,
+    reach = density(reservoirs.confidence, target(shifted.color), shifted.jacobian)
+    return Pulled(
+        source,
         valid,
         shifted.color,
         shifted.factor,
         dr.select(used, m_other * shifted.jacobian * theirs.weight, 0),
-        density(reservoirs.confidence, target(shifted.color), shifted.jacobian),
+        dr.select(returned, reach, 0),
         shifted.outcome,
     )
 
 
-def merge(
-    reservoirs: Reservoir, exchanged: list[Exchanged], round_index: Any, sample: Any, seed: Any
-) -> tuple[Reservoir, Any, PairEstimators]:
-    """Merge the partners' paths into every pixel's reservoir.
+def push(pixels: Pixels, reservoirs: Reservoir, there: Any, valid: Any) -> tuple[Any, Any]:
+    """Shift every pixel's own path to a neighbour.
 
     Parameters
     ----------
-    exchanged : list of Exchanged
-        One entry per partner.
+    there : UInt32
+        The neighbour.
+    valid : Bool
+        Whether there is one to reuse.
+
+    Returns
+    -------
+    reach : Float
+        c p J: the density with which the neighbour makes the pixel's path.
+    outcome : UInt32
+        Of the shift.
+    """
+    hit = dr.gather(PrimaryHit, pixels.hits, there, valid)
+    confidence = dr.gather(mi.Float, reservoirs.confidence, there, valid)
+    wanted = valid & (reservoirs.weight > 0)
+    shifted = shift(pixels.scene, pixels.sensor, reservoirs.path, hit, pixels.mapping, wanted)
+    return density(confidence, target(shifted.color), shifted.jacobian), shifted.outcome
+
+
+def canonical_share(pixels: Pixels, reservoirs: Reservoir, reach: Any) -> Any:
+    """MIS weight m_{c,i} of every pixel's own sample against the neighbour that has the reach."""
+    return share(reservoirs.confidence / pixels.neighbors * target(reservoirs.color), reach)
+
+
+def merge(
+    reservoirs: Reservoir,
+    pulled: list[Pulled],
+    shares: list[Any],
+    confidence: Any,
+    random: Stream,
+) -> tuple[Reservoir, Any, PairEstimators]:
+    """Merge the neighbours' paths into every pixel's reservoir.
+
+    Parameters
+    ----------
+    pulled : list of Pulled
+        One entry per neighbour.
+    shares : list of Float
+        The canonical sample's weight in each pair, see :func:`canonical_share`; 0 where a pair is
+        not valid.
+    confidence : Float
+        What the merged reservoirs hand on.
+    random : Stream
+        Of the selection, one stream per pixel.
 
     Returns
     -------
@@ -141,43 +185,37 @@ def merge(
     color : Color3f
         Mean of the pair estimators.
     estimators : PairEstimators
-        One entry for the canonical sample and one per partner.
+        One entry for the canonical sample and one per neighbour.
     """
     pixel = dr.arange(mi.UInt32, dr.width(reservoirs.weight))
-    random = pass_stream(SPATIAL, pixel, sample, seed ^ (round_index << 24))
     canonical = reservoirs.color * reservoirs.weight
-    own = reservoirs.confidence / len(exchanged) * target(reservoirs.color)
 
     total = mi.Float(0)  # sum of resampling weights
     selected = mi.UInt32(pixel)  # pixel whose path leads
     selected_color = mi.Color3f(reservoirs.color)
     selected_factor = mi.Float(reservoirs.path.jacobian)
-    color = mi.Color3f(0)  # sum of the pair estimators g_i
-    canonical_share = mi.Float(1)  # sum of the canonical sample's pairwise weights
+    color = mi.Color3f(0)  # sum of the neighbours' parts of the pair estimators g_i
+    canonical_sum = mi.Float(1)  # sum of the canonical sample's pairwise weights
     count = mi.Float(1)  # V + 1
-    confidence = mi.Float(reservoirs.confidence)
     estimators = PairEstimators([canonical], [mi.Bool(True)])
 
-    for i, theirs in enumerate(exchanged):
+    for i, (theirs, pair_share) in enumerate(zip(pulled, shares, strict=True)):
         weight = theirs.weight * target(theirs.color)
         total += weight
         take = (weight > 0) & (uniform(random, i, 0) * total < weight)
-        selected = dr.select(take, theirs.partner, selected)
+        selected = dr.select(take, theirs.source, selected)
         selected_color = dr.select(take, theirs.color, selected_color)
         selected_factor = dr.select(take, theirs.factor, selected_factor)
 
-        reach = dr.gather(mi.Float, theirs.reach, theirs.partner, theirs.valid)
         color += theirs.weight * theirs.color
-        pair_share = dr.select(theirs.valid, share(own, reach), 0)
-        canonical_share += pair_share
+        canonical_sum += pair_share
         estimators.colors.append(theirs.weight * theirs.color + pair_share * canonical)
         estimators.valid.append(theirs.valid)
         count += dr.select(theirs.valid, mi.Float(1), 0)
-        confidence += dr.gather(mi.Float, reservoirs.confidence, theirs.partner, theirs.valid)
 
-    weight = canonical_share * target(canonical)
+    weight = canonical_sum * target(canonical)
     total += weight
-    keep = uniform(random, len(exchanged), 0) * total < weight
+    keep = uniform(random, len(pulled), 0) * total < weight
     selected = dr.select(keep, pixel, selected)
     selected_color = dr.select(keep, reservoirs.color, selected_color)
     selected_factor = dr.select(keep, reservoirs.path.jacobian, selected_factor)
@@ -189,4 +227,4 @@ def merge(
         dr.select(leading > 0, total / (count * leading), 0),
         confidence,
     )
-    return merged, (color + canonical_share * canonical) / count, estimators
+    return merged, (color + canonical_sum * canonical) / count, estimators

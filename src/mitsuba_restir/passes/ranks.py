@@ -1,0 +1,282 @@
+"""Groups of scattered pixels that exchange paths by rank: mask against luminance.
+
+A random choice of neighbours is white noise. Here a blue-noise mask makes it. Anew in every frame
+and round, the image is cut into blocks of n x n cells at a random offset, and a group takes one
+random pixel of every cell; its pixels fall into classes of like surfaces. A class of N pixels has
+two orders: by the luminance of F W, and by the mask, whose ranks are then turned by an offset that
+is uniform on 0 ... N - 1. With k neighbours there are kN edges, and edge h joins
+
+    the taker, the pixel of mask rank h mod N,    and the source, the path of rank floor(h / k).
+
+A pixel of mask rank r so takes the ranks floor((jN + r) / k), j < k: one from each of k strata, in
+the same direction in all, so that the mean of its picks follows the mask; and every path is taken k
+times (a histogram as in Salaun et al. 2025, without blocks in the image).
+
+The turn alone makes it unbiased: given all paths, each pixel of the class is the taker (and the
+source) of each path with expectation k/N, whatever the mask is. Turning the ranks would tear the
+mask where the largest rank meets the smallest; they are folded afterwards (0, 2, 4, ..., 3, 1), so
+that ranks that meet on the circle are also alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..paths.primary_hit import PrimaryHit
+from ..paths.vertex import exists
+from ..sampling.dither import MaskTexture
+from ..sampling.streams import Stream, uniform2
+
+SLAB = 0.5
+"""Thickness of the slabs of space that tell surfaces apart, at most, relative to their distance."""
+
+NOWHERE = 0xFFFFFFFF
+"""Label of pixels that see no surface, and of places outside the image."""
+
+CELLS = 8
+"""Cells along a block's side, if pixels allow it."""
+
+SPREAD = 1.35
+"""Side of a block relative to the radius of reuse. In the mean square, two random points of a block
+are as far apart as the centre and a random point of a disk with 0.82 times its side as radius."""
+
+# Blocks of the round's stream; its vertices number the blocks' cells, or the purposes below.
+_CELLS, _COMMON = 2, 3
+_OFFSET, _TURN, _MASK, _SLABS = range(4)
+
+
+@dataclass
+class Groups:
+    """How pixels are grouped.
+
+    Attributes
+    ----------
+    mask : MaskTexture
+        Whose ranks decide.
+    cells : int
+        Cells along a side of a block, n.
+    side : int
+        Side of a cell [pixels].
+    """
+
+    mask: MaskTexture
+    cells: int
+    side: int
+
+
+@dataclass
+class Members:
+    """The groups' pixels, group after group, one lane each.
+
+    Fields: ``pixel`` (``UInt32``, row-major; 0 outside), ``inside`` (``Bool``, lies in the image),
+    ``level`` (``UInt32``, of the mask).
+    """
+
+    pixel: Any
+    inside: Any
+    level: Any
+
+
+@dataclass
+class Ranks:
+    """Every pixel's ranks in its class.
+
+    Fields: ``first`` (``UInt32``, where the class begins in the tables), ``count`` (``UInt32``, N;
+    0 for pixels without a surface), ``value``, ``mask`` (``UInt32``, the two ranks), ``confidence``
+    (``Float``, sum over the class), ``by_value``, ``by_mask`` (``UInt32``, tables: the pixel of
+    each rank).
+    """
+
+    first: Any
+    count: Any
+    value: Any
+    mask: Any
+    confidence: Any
+    by_value: Any
+    by_mask: Any
+
+    def source(self, j: Any, neighbors: int) -> Any:
+        """The pixel whose path every pixel takes as its ``j``-th neighbour's."""
+        rank = (j * self.count + self.mask) // neighbors
+        return dr.gather(mi.UInt32, self.by_value, self.first + rank, self.count > 0)
+
+    def taker(self, t: int, neighbors: int) -> tuple[Any, Any]:
+        """The ``t``-th pixel that takes every pixel's path, and as the path of which neighbour."""
+        edge = self.value * neighbors + t
+        j = edge // dr.maximum(self.count, 1)
+        rank = edge - j * self.count
+        return dr.gather(mi.UInt32, self.by_mask, self.first + rank, self.count > 0), j
+
+
+def scattered_groups(mask: MaskTexture, radius: float) -> Groups:
+    """Groups in which two pixels are about as far apart as a disk's random point from its centre.
+
+    Parameters
+    ----------
+    radius : float
+        Of the disk [pixels].
+    """
+    side = max(1, round(SPREAD * radius / CELLS))
+    return Groups(mask, max(2, round(SPREAD * radius / side)), side)
+
+
+def surface_labels(hits: PrimaryHit, choices: Stream) -> Any:
+    """Labels (``UInt32``) that like surfaces share: the same main direction and slab of space.
+
+    Parameters
+    ----------
+    choices : Stream
+        Moves the slabs' limits, so that no surface is cut for ever.
+    """
+    direction = dr.round(hits.normal)
+    span = hits.vertex.p - hits.origin
+    a, b = uniform2(choices, _SLABS, _COMMON)
+    octave = dr.floor(dr.log2(dr.norm(span)) + a)
+    thickness = SLAB * dr.exp2(octave - a)
+    slab = dr.floor(dr.dot(dr.normalize(direction), span) / thickness + b)
+    facing = mi.UInt32(direction.x + 3 * direction.y + 9 * direction.z + 13)
+    label = facing | ((mi.UInt32(mi.Int32(octave)) & 0x7F) << 5) | (mi.UInt32(mi.Int32(slab)) << 12)
+    return dr.select(exists(hits.vertex), label, NOWHERE)
+
+
+def members(groups: Groups, width: int, height: int, choices: Stream) -> Members:
+    """Cut an image into groups.
+
+    Parameters
+    ----------
+    choices : Stream
+        The round's stream: draws the offset of the blocks, the pixel that each group has in each
+        cell, and the offset of the mask.
+    """
+    cells, side = groups.cells, groups.side
+    size, block_side, per_block = cells * cells, cells * side, side * side
+    columns, rows = (-(-extent // block_side) + 1 for extent in (width, height))
+    columns_opaque, width_opaque = dr.opaque(mi.UInt32, columns), dr.opaque(mi.Int32, width)
+    lane = dr.arange(mi.UInt32, columns * rows * per_block * size)
+    group, member = lane // size, lane % size
+    block, inner = group // per_block, group % per_block
+    row = block // columns_opaque
+    column = block - row * columns_opaque
+    left, top = choices.words(_OFFSET, _COMMON)
+    # A random toroidal shift of each cell deals its pixels out to the groups of the block.
+    dx, dy = choices.words(block * size + member, _CELLS)
+    x = column * block_side + member % cells * side + (inner % side + dx) % side
+    y = row * block_side + member // cells * side + (inner // side + dy) % side
+    x, y = mi.Int32(x - left % block_side), mi.Int32(y - top % block_side)
+    inside = (x >= 0) & (y >= 0) & (x < width_opaque) & (y < dr.opaque(mi.Int32, height))
+    key, _ = choices.words(_MASK, _COMMON)
+    level = groups.mask.level(x, y, key)
+    return Members(dr.select(inside, mi.UInt32(y * width_opaque + x), 0), inside, level)
+
+
+def rank_pixels(
+    groups: Groups,
+    width: int,
+    height: int,
+    labels: Any,
+    values: Any,
+    confidence: Any,
+    choices: Stream,
+) -> Ranks:
+    """Group the pixels of an image and rank them.
+
+    Parameters
+    ----------
+    labels : UInt32
+        One per pixel, row-major; pixels of a group with equal labels are a class, those with the
+        label :data:`NOWHERE` are left alone. Must not depend on the paths.
+    values, confidence : Float
+        One per pixel.
+    choices : Stream
+        Of the round.
+    """
+    group = members(groups, width, height, choices)
+    pixel, inside = group.pixel, group.inside
+    label = dr.select(inside, dr.gather(mi.UInt32, labels, pixel, inside), NOWHERE)
+    value = dr.gather(mi.Float, values, pixel, inside)
+    share = dr.gather(mi.Float, confidence, pixel, inside)
+    dr.eval(group, label, value, share)
+    size = groups.cells**2
+    lane = dr.arange(mi.UInt32, dr.width(pixel))
+    begin = lane // size * size
+    before, count, value_rank, mask_rank, total = _count(
+        begin, lane, size, (label, value, group.level, share)
+    )
+    first = begin + before
+    mask_rank = turned(mask_rank, count, choices)
+    used = label != NOWHERE
+    by_value, by_mask = (dr.zeros(mi.UInt32, dr.width(pixel)) for _ in range(2))
+    dr.scatter(by_value, pixel, first + value_rank, used)
+    dr.scatter(by_mask, pixel, first + mask_rank, used)
+
+    def of_pixels(entry: Any) -> Any:
+        result = dr.zeros(type(entry), width * height)
+        dr.scatter(result, entry, pixel, used)
+        return result
+
+    return Ranks(
+        of_pixels(first),
+        of_pixels(count),
+        of_pixels(value_rank),
+        of_pixels(mask_rank),
+        of_pixels(total),
+        by_value,
+        by_mask,
+    )
+
+
+def turned(rank: Any, count: Any, choices: Stream) -> Any:
+    """Turn the ranks 0 ... ``count`` - 1 by a random offset, the same for all groups, and fold."""
+    word, _ = choices.words(_TURN, _COMMON)
+    rank = rank + dr.mul_hi(word, count)
+    rank = dr.select(rank < count, rank, rank - count)
+    return dr.select(2 * rank < count, 2 * rank, 2 * count - 1 - 2 * rank)
+
+
+@dr.syntax
+def _count(begin: Any, lane: Any, size: int, entries: tuple[Any, Any, Any, Any]) -> Any:
+    """What comes before each member in its group, by comparing it with all others.
+
+    Parameters
+    ----------
+    begin, lane : UInt32
+        First member of the group, and the member itself.
+    size : int
+        Members of a group.
+    entries : (UInt32, Float, UInt32, Float)
+        Label, value, level and confidence of all members.
+
+    Returns
+    -------
+    before, count, value_rank, mask_rank : UInt32
+        Members with smaller labels, with the same label, and those of the same label with smaller
+        values and levels; ties count by position.
+    total : Float
+        Confidence of the members with the same label.
+    """
+    labels, values, levels, confidences = entries
+    label, value, level = mi.UInt32(labels), mi.Float(values), mi.UInt32(levels)
+    before, count, value_rank, mask_rank = (mi.UInt32(0) for _ in range(4))
+    total = mi.Float(0)
+    i = mi.UInt32(begin)
+    end = begin + size
+
+    while dr.hint(i < end, label="Ranks"):
+        theirs = dr.gather(mi.UInt32, labels, i)
+        v = dr.gather(mi.Float, values, i)
+        u = dr.gather(mi.UInt32, levels, i)
+        alike = theirs == label
+        earlier = i < lane
+        before += dr.select(theirs < label, mi.UInt32(1), 0)
+        count += dr.select(alike, mi.UInt32(1), 0)
+        lower = (v < value) | ((v == value) & earlier)
+        value_rank += dr.select(alike & lower, mi.UInt32(1), 0)
+        lower = (u < level) | ((u == level) & earlier)
+        mask_rank += dr.select(alike & lower, mi.UInt32(1), 0)
+        total += dr.select(alike, dr.gather(mi.Float, confidences, i), 0)
+        i += 1
+    return before, count, value_rank, mask_rank, total
