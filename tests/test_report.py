@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -263,6 +264,10 @@ def test_the_report_is_one_file(results: Results) -> None:
     assert "@import" not in text
     assert "Then &lt;b&gt;more&lt;/b&gt;." in text
     assert "published 0.125" in text
+    noise = re.search(r"([\d.]+) % of a pixel.s luminance in the median", unescape(text))
+    # 4 batches of 160 samples each, whose noise is log-normal of 0.5 / sqrt(160), all channels.
+    assert noise is not None
+    assert float(noise[1]) == pytest.approx(100 * 0.5 / 640**0.5, rel=0.4)
     assert "python -m mitsuba_restir.studies" in text
     ids = re.findall(r' id="([^"]+)"', text)
     assert len(ids) == len(set(ids))

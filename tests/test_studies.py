@@ -107,7 +107,11 @@ def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
 def _fake_probe(
     study: Study, size: tuple[int, int], variant: str, index: int, reference: Any
 ) -> dict[str, float]:
-    return {"peak": 1e6 + 500.0 * size[0] * size[1] + index, "number": float(index)}
+    return {
+        "peak": 1e6 + 500.0 * size[0] * size[1] + index,
+        "number": float(index),
+        "duplicated paths": 0.5,
+    }
 
 
 def _numbers(path: Path) -> list[dict[str, Any]]:
@@ -280,6 +284,22 @@ def test_every_quantity_can_be_measured(
         assert all(np.isfinite(row.value.low) for row in table.rows)
     ratios = [row.ratio.value for row in table.rows if row.ratio is not None]
     assert all(ratio > 0.0 for ratio in ratios) or name.startswith("covariance")
+
+
+def test_quantities_that_share_numbers_give_them_once(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    changes = ['quantities=["statistics", "duplication", "rmse"]']
+    table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
+    keys = [(row.quantity, row.variant) for row in table.rows]
+    assert len(keys) == len(set(keys)) == 2 * 4
+    assert keys[-2:] == [("RMSE", "plain"), ("RMSE", "better")]
+    only = run_study(
+        load_study(str(tmp_path / "small.toml"), ['quantities=["duplication"]']), tmp_path / "out"
+    )
+    assert {row.quantity for row in only.rows} == {"duplicated paths"}
+    assert only.rows[1].ratio is not None
+    assert only.rows[1].ratio.value == 1.0
 
 
 def test_equal_time_by_hand(tmp_path: Path, study: Study, log: list[tuple[str, int]]) -> None:

@@ -49,8 +49,13 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
                 notes.append(str(error))
     except (ValueError, ImportError) as error:
         raise RenderError(f"{study.name} at {data.size} cannot be measured: {error}") from error
+    # Two quantities may share numbers: the first to be asked for has them.
+    once = {(row.quantity, row.variant): row for row in reversed(rows)}
     order = list(dict.fromkeys(row.quantity for row in rows))
-    return sorted(rows, key=lambda row: order.index(row.quantity)), notes
+    variants = list(data.variants)
+    return sorted(
+        once.values(), key=lambda row: (order.index(row.quantity), variants.index(row.variant))
+    ), notes
 
 
 def measure_across(study: Study, sizes: Sequence[Measured]) -> list[Row]:

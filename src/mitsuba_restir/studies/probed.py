@@ -14,7 +14,10 @@ from .scalars import lone, make_row
 
 
 def of_probe(
-    probe: str, units: Mapping[str, str] | None = None, compared: bool = False
+    probe: str,
+    units: Mapping[str, str] | None = None,
+    compared: bool = False,
+    only: str = "",
 ) -> Callable[[Measured], Iterator[Row]]:
     """
     Make a quantity of everything that a probe says: mean over runs.
@@ -27,12 +30,14 @@ def of_probe(
         Unit by the beginning of a number's name.
     compared : bool
         Give ratios to the baseline too, run by run.
+    only : str
+        Beginning of the names that are wanted.
     """
 
     def rows(data: Measured) -> Iterator[Row]:
         for variant in data.variants:
             answers = data.probed(variant, probe)
-            names = dict.fromkeys(name for answer in answers for name in answer)
+            names = dict.fromkeys(n for answer in answers for n in answer if n.startswith(only))
             for name in names:
                 values = np.array([answer[name] for answer in answers if name in answer])
                 value = intervals.mean_interval(values) if values.size > 1 else lone(values[0])

@@ -189,8 +189,14 @@ QUANTITIES: Mapping[str, Quantity] = {
         probe="kernels",
     ),
     "statistics": Quantity(
-        "what restir_pt says about its frames: shifts by outcome, history found, acceptance",
+        "what restir_pt says about its frames: shifts by outcome, history found, acceptance, "
+        "duplicated paths",
         of_probe("statistics"),
+        probe="statistics",
+    ),
+    "duplication": Quantity(
+        "of the statistics, the share of pixels whose path another one within 8 pixels has as well",
+        of_probe("statistics", compared=True, only="duplicated paths"),
         probe="statistics",
     ),
     "mutation_spectra": Quantity(

@@ -24,6 +24,7 @@ _COLUMNS: tuple[tuple[str, str, bool | None], ...] = (
     ("relative covariance r=8", "Relative covariance", True),
     ("relative covariance r=8, clipped", "Covariance, clipped", True),
     ("covariance r=8 within a sequence", "Covariance in a sequence", True),
+    ("duplicated paths r=8, after mutations", "Duplicated paths", None),
     ("power 0.02-0.06", "Power .02–.06 c/px", True),
     ("power 0.06-0.17", "Power .06–.17 c/px", True),
     ("filtered MSE, 1.5 px", "Filtered MSE", True),

@@ -34,6 +34,8 @@ class Part:
         The variant that the comparison starts with.
     baselines : mapping of str to str
         What each variant is compared with.
+    reference : str
+        How sure the reference is.
     strip : array, (H, W, 3), uint8, or None
     galleries : sequence of Gallery
     figures : mapping of str to str
@@ -44,6 +46,7 @@ class Part:
     headline: Headline
     baseline: str = ""
     baselines: Mapping[str, str] = field(default_factory=dict)
+    reference: str = ""
     strip: Picture | None = None
     galleries: Sequence[Gallery] = ()
     figures: Mapping[str, str] = field(default_factory=dict)
@@ -118,6 +121,8 @@ def _part(part: Part) -> str:
     """Pictures are embedded once, in their galleries; the comparison and the crops reuse them."""
     size = escape(part.size)
     pieces = [headline_table(part.headline, part.baselines)]
+    if part.reference:
+        pieces.append(f'<p class="legend">{escape(part.reference)}</p>')
     if part.strip is not None:
         pieces.append(
             _block(

@@ -133,7 +133,30 @@ def _part(
             file = f"{gallery.key}_{name}.png".replace(" ", "_").replace(",", "")
             write(file, encode_png(np.ascontiguousarray(picture)))
     top = headline(rows, data.size, study.published)
-    return Part(data.size, top, data.baseline, data.baselines, overview, pictures, drawings)
+    return Part(
+        data.size,
+        top,
+        data.baseline,
+        data.baselines,
+        _noise_of_reference(data),
+        overview,
+        pictures,
+        drawings,
+    )
+
+
+def _noise_of_reference(data: Measured) -> str:
+    """Say how sure the reference is; nothing where that is not known."""
+    reference = data.reference
+    if reference is None or not reference.variance.any():
+        return ""
+    relative = np.sqrt(reference.luminance_variance) / np.maximum(reference.luminance, 1e-30)
+    median, worst = 100.0 * np.percentile(relative[reference.luminance > 0.0], [50.0, 90.0])
+    return (
+        "Squared errors and powers are without the reference's own error, which is "
+        f"{median:.2g} % of a pixel's luminance in the median and {worst:.2g} % at the 90th "
+        "percentile."
+    )
 
 
 def _galleries(
