@@ -506,6 +506,55 @@ def test_other_settings_are_refused(
     assert {name: after[name] for name in before} == before
 
 
+def test_variants_can_be_added(study: Study, tmp_path: Path, log: list[tuple[str, int]]) -> None:
+    out, file = tmp_path / "out", tmp_path / "small.toml"
+    run_study(study, out)
+    before = _files(out)
+    log.clear()
+    file.write_text(STUDY + '\n[variants.best]\ntype = "path"\nspp = 16\n')
+    more = load_study(str(file))
+    table = run_study(more, out)
+    assert {name for name, _ in log} == {"best"}
+    after = _files(out)
+    assert {name: after[name] for name in before} == before
+    run_study(more, tmp_path / "whole")
+    assert _numbers(out) == _numbers(tmp_path / "whole")
+    # Times are compared only where the variants took turns.
+    ratios = {row.variant: row.ratio for row in table.rows if row.quantity == "time of a frame"}
+    assert ratios["better"] is not None
+    assert ratios["best"] is None
+    # Back to fewer, and to the same again: nothing is rendered twice.
+    log.clear()
+    run_study(study, out)
+    run_study(more, out)
+    assert log == []
+    # Left out and then made otherwise, it is another variant of the same name.
+    run_study(study, out)
+    table = run_study(load_study(str(file), ["variants.best.spp=9"]), out)
+    assert {name for name, _ in log} == {"best"}
+    assert all("best" in note and "another study" in note for note in table.notes)
+    assert len(table.notes) == 3
+    with pytest.raises(UsageError, match="variants differ"):
+        run_study(load_study(str(file), ["variants.best.spp=25"]), out)
+
+
+def test_a_lost_history_costs_time_and_nothing_else(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    out, file = tmp_path / "out", tmp_path / "small.toml"
+    run_study(study, out)
+    file.write_text(STUDY + '\n[variants.best]\ntype = "path"\nspp = 16\n')
+    more = load_study(str(file))
+    run_study(more, out)
+    expected = _numbers(out)
+    (out / "studies.json").write_text("[1")
+    log.clear()
+    table = run_study(more, out)
+    assert len(table.notes) == 2 * 3
+    assert {name for name, _ in log} == {"plain", "better"}
+    assert _numbers(out) == expected
+
+
 def test_a_folder_with_other_things_is_left_alone(study: Study, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(UsageError, match="holds no study"):

@@ -6,7 +6,7 @@ import io
 import json
 import zipfile
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +36,15 @@ def save_arrays(path: Path, label: Mapping[str, str], arrays: Mapping[str, Any])
 
 
 def load_arrays(
-    path: Path, label: Mapping[str, str], leave: Collection[str] = ()
+    path: Path, labels: Sequence[Mapping[str, str]], leave: Collection[str] = ()
 ) -> tuple[Arrays, Mapping[str, tuple[int, ...]]]:
     """
     Read arrays.
 
     Parameters
     ----------
+    labels : sequence of mapping
+        What the file may say that it belongs to.
     leave : collection of str
         Names of arrays that are only checked, not kept.
 
@@ -71,6 +73,6 @@ def load_arrays(
         found = json.loads(str(arrays.pop("label")))
     except (OSError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(str(error)) from error
-    if found != label:
+    if found not in labels:
         raise ValueError("it belongs to another study or place")
     return arrays, left

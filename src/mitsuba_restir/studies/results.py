@@ -28,12 +28,15 @@ class Run:
         Seconds of each measured frame; empty where nothing was rendered.
     load_frames : callable or None
         Reads every measured frame, (frames, H, W, 3), where the study keeps all.
+    session : str
+        Equal for runs that took turns frame by frame, whose times can be compared.
     """
 
     last: Image
     mean: Image
     times: npt.NDArray[np.float64]
     load_frames: Callable[[], Image] | None = None
+    session: str = ""
 
     @property
     def frames(self) -> Image | None:

@@ -212,7 +212,7 @@ def _render_remotely(
             part = arrays[name]
             frames = part["frames"]
             load = None if frames is None else partial(_same, frames)
-            run = Run(part["last"], part["mean"], part["times"], load)
+            run = Run(part["last"], part["mean"], part["times"], load, part["session"])
             folder.save_run(size, name, index, run)
         for _ in range(len(names) * study.length):
             meter.advance(f"{size[0]}x{size[1]} run {index + 1}/{study.runs}")

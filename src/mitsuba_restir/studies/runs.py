@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -45,6 +46,7 @@ def render_run(
     sums: dict[str, Any] = dict.fromkeys(renderers, 0.0)
     times: dict[str, list[float]] = {name: [] for name in renderers}
     names = list(renderers)
+    session = uuid.uuid4().hex
     last = study.length - 1
     for frame in range(last + 1):
         seed = seed_of(study.seed, RUN_KEY, index, frame)
@@ -65,6 +67,7 @@ def render_run(
             (sums[name] / study.frames).astype(np.float32),
             np.array(times[name]),
             partial(np.stack, images[name]) if study.keep == "all" else None,
+            session,
         )
         for name in names
     }
@@ -83,8 +86,8 @@ def remote_run(
 
     Returns
     -------
-    dict of str to dict of str to array
-        The arrays of each variant's `Run`.
+    dict of str to dict
+        The arrays and the session of each variant's `Run`.
     """
     study = from_table(table, str(table["name"]))
     scene = load_scene(study)
@@ -94,6 +97,12 @@ def remote_run(
     rehearse(study, renderers)
     runs = render_run(study, renderers, index, lambda name: None)
     return {
-        name: {"last": r.last, "mean": r.mean, "times": r.times, "frames": r.frames}
+        name: {
+            "last": r.last,
+            "mean": r.mean,
+            "times": r.times,
+            "frames": r.frames,
+            "session": r.session,
+        }
         for name, r in runs.items()
     }

@@ -81,17 +81,37 @@ def _times(data: Measured) -> dict[str, FloatArray]:
 
 
 def frame_time(data: Measured) -> Iterator[Row]:
-    """Median time of a frame; as the ratio, the median over interleaved pairs of frames."""
-    times = {name: 1e3 * seconds for name, seconds in _times(data).items()}
-    for name, own in times.items():
+    """
+    Median time of a frame; as the ratio, the median over interleaved pairs of frames.
+
+    Runs that were rendered at another time than the baseline's are no pairs.
+    """
+    for name, seconds in _times(data).items():
+        own = 1e3 * seconds
         value = intervals.median_interval(own) if own.size > 1 else lone(float(own[0]))
         ratio, p_value = None, None
-        base = times[data.baselines.get(name, data.baseline)]
-        if name != data.baselines.get(name, data.baseline) and own.size == base.size > 1:
+        pairs = _pairs_of_times(data, name)
+        if pairs is not None and pairs[0].size > 1:
             # Frame by frame: both were rendered one after the other, under the same load.
-            ratio = intervals.median_interval(own / base)
-            p_value = float(stats.binomtest(int(np.sum(own > base)), own.size).pvalue)
+            ratio = intervals.median_interval(pairs[0] / pairs[1])
+            p_value = float(stats.binomtest(int(np.sum(pairs[0] > pairs[1])), pairs[0].size).pvalue)
         yield make_row(data, name, "time of a frame", "ms", value, ratio, p_value=p_value)
+
+
+def _pairs_of_times(data: Measured, name: str) -> tuple[FloatArray, FloatArray] | None:
+    """Times of a variant and of its baseline where both took turns; None for a baseline."""
+    other = data.baselines.get(name, data.baseline)
+    if other == name:
+        return None
+    pairs = [
+        (own.times, base.times)
+        for own, base in zip(data.runs[name], data.runs.get(other, ()), strict=False)
+        if own.session == base.session and own.times.size == base.times.size
+    ]
+    if not pairs:
+        return None
+    own, base = zip(*pairs, strict=True)
+    return np.concatenate(own), np.concatenate(base)
 
 
 def speed(data: Measured) -> Iterator[Row]:

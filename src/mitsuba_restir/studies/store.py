@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from ..errors import UsageError, one_line
@@ -19,24 +19,9 @@ from .environment import environment
 from .files import dump_study, load_study
 from .lock import FILE as LOCK
 from .lock import FolderLock
+from .provenance import FILE as PROVENANCE
+from .provenance import differences, digest_of, entry, read_history, usable_digests
 from .results import Image, Run
-from .tables import to_table
-
-# These decide how much is rendered or what is measured, not what a finished run looks like.
-# References have keys of their own.
-_FREE_KEYS = frozenset(
-    {
-        "runs",
-        "probe_runs",
-        "quantities",
-        "baseline",
-        "epsilon",
-        "trim",
-        "about",
-        "published",
-        "reference",
-    }
-)
 
 
 class StudyFolder:
@@ -44,7 +29,7 @@ class StudyFolder:
     Reads and writes the results of one study.
 
     Every file is complete or absent, carries a digest of the configuration that it was rendered
-    with, and is refused where it cannot be read or the digest is another one.
+    with, and is refused where it cannot be read or its variant was rendered otherwise.
 
     Parameters
     ----------
@@ -54,17 +39,18 @@ class StudyFolder:
     Raises
     ------
     UsageError
-        The folder holds another study, or other things.
+        The folder holds this study with other settings, or other things.
     """
 
     def __init__(self, path: Path, study: Study) -> None:
         self.path = path
         self.study = study
-        self.digest = _digest(_rendering(study))
+        self.digest = digest_of(study)
         self.refused: list[str] = []
         self._references: dict[Size, tuple[Path, str]] = {}
         self._lock: FolderLock | None = None
         config = path / "config.toml"
+        self._history = entry(study)
         if config.exists():
             self._compare(load_study(str(config)))
         elif path.exists() and (not path.is_dir() or any(f.name != LOCK for f in path.iterdir())):
@@ -89,6 +75,7 @@ class StudyFolder:
             self._lock = FolderLock(self.path)
         for leftover in self.path.rglob(".*.partial"):
             leftover.unlink()
+        self.write(PROVENANCE, (json.dumps(self._history, indent=1) + "\n").encode())
         write_atomically(self.path / "config.toml", dump_study(self.study))
         self._note_environment()
 
@@ -114,13 +101,18 @@ class StudyFolder:
             self.write("environment.json", (json.dumps([*known, own], indent=1) + "\n").encode())
 
     def _compare(self, other: Study) -> None:
-        mine, theirs = _rendering(self.study), _rendering(other)
-        differing = sorted(k for k in mine.keys() | theirs.keys() if mine.get(k) != theirs.get(k))
+        differing = differences(self.study, other)
         if differing:
             raise UsageError(
                 f"{self.path} holds this study with other settings ({', '.join(differing)} "
                 "differ): choose a new folder"
             )
+        self._history = {**read_history(self.path), **entry(other), **self._history}
+
+    def _labels(self, variant: str, path: Path) -> list[dict[str, str]]:
+        """Return what a file of a variant may say about itself."""
+        digests = usable_digests(self._history, self.study, variant)
+        return [{"digest": digest, "file": self._label(path)} for digest in digests]
 
     def _file(self, kind: str, size: Size, variant: str, index: int) -> Path:
         return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}.npz"
@@ -132,22 +124,27 @@ class StudyFolder:
         Its single frames stay on the disk until they are asked for.
         """
         path = self._file("runs", size, variant, index)
-        label = {"digest": self.digest, "file": self._label(path)}
-        found = self._load(path, label, size, leave=("frames",))
+        labels = self._labels(variant, path)
+        found = self._load(path, labels, size, leave=("frames",))
         if found is None:
             return None
         arrays, left = found
         mean = arrays["mean"]
 
         def frames() -> Image:
-            return load_arrays(path, label)[0]["frames"]
+            return load_arrays(path, labels)[0]["frames"]
 
         load_frames = frames if "frames" in left else None
-        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames)
+        session = str(arrays.get("session", ""))
+        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames, session)
 
     def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
         """Write a finished run (RenderError where the disk refuses it)."""
-        arrays: dict[str, npt.NDArray[Any]] = {"mean": run.mean, "times": run.times}
+        arrays: dict[str, npt.NDArray[Any]] = {
+            "mean": run.mean,
+            "times": run.times,
+            "session": np.array(run.session),
+        }
         if len(run.times) > 1:
             arrays["last"] = run.last
         if (frames := run.frames) is not None:
@@ -163,7 +160,7 @@ class StudyFolder:
             return None
         try:
             content = json.loads(path.read_text("utf-8"))
-            if content["digest"] != self.digest or content["file"] != self._label(path):
+            if {key: content[key] for key in ("digest", "file")} not in self._labels(variant, path):
                 raise ValueError("it belongs to another study or place")
             return {str(name): float(value) for name, value in content["numbers"].items()}
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -185,7 +182,7 @@ class StudyFolder:
     def load_batch(self, size: Size, index: int) -> Image | None:
         """Return a finished batch of the reference, whichever study rendered it, or None."""
         path, label = self._batch(size, index)
-        found = self._load(path, label, size)
+        found = self._load(path, [label], size)
         return None if found is None else found[0]["mean"]
 
     def save_batch(self, size: Size, index: int, image: Image) -> None:
@@ -213,27 +210,19 @@ class StudyFolder:
         return path.relative_to(self.path).as_posix()
 
     def _load(
-        self, path: Path, label: Mapping[str, str], size: Size, leave: Collection[str] = ()
+        self,
+        path: Path,
+        labels: Sequence[Mapping[str, str]],
+        size: Size,
+        leave: Collection[str] = (),
     ) -> tuple[Arrays, Mapping[str, tuple[int, ...]]] | None:
         if not path.exists():
             return None
         try:
-            arrays, left = load_arrays(path, label, leave)
+            arrays, left = load_arrays(path, labels, leave)
             if arrays["mean"].shape != (size[1], size[0], 3):
                 raise ValueError("its image has another size")
         except (ValueError, KeyError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
             return None
         return arrays, left
-
-
-def _rendering(study: Study) -> dict[str, Any]:
-    table = {key: value for key, value in to_table(study).items() if key not in _FREE_KEYS}
-    table["variants"] = {name: table["variants"][name] for name in study.rendered()}
-    for variant in table["variants"].values():
-        variant.pop("baseline", None)
-    return table
-
-
-def _digest(table: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()
