@@ -11,7 +11,7 @@ import mitsuba as mi
 
 from ..passes.alternate import decorrelate_alternating
 from ..passes.blue_noise_rule import mutate_by_rule
-from ..passes.color_history import ColorHistory, no_color_history, remember
+from ..passes.color_history import ColorHistory, no_color_history, relit, remember
 from ..passes.decorrelate import Mutated, metropolis_hastings
 from ..passes.initial import initial
 from ..passes.neighbors import SAMPLING, spatial
@@ -289,7 +289,10 @@ def share_paths(
     if sampled.colors is not None:
         colors = remember(sampled.colors, color)
         dr.eval(colors)
-        color = select(color, pairs, colors.color, now.hit, (plan.width, plan.height), sample, seed)
+        size, past = (plan.width, plan.height), colors.color
+        if parameters.retrace_history:
+            past = relit(past, color, now.hit, size)
+        color = select(color, pairs, past, now.hit, size, sample, seed)
 
     color += now.emitted
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)

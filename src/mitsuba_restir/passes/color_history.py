@@ -8,6 +8,10 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.primary_hit import PrimaryHit
+from ..paths.spectrum import target
+from .neighborhood import local_mean, similar_neighbors
+
 RISE = 4
 """Frame n of a surface counts in proportion to n^(RISE - 1): its reservoirs, too, know little at
 first. Noise of the first frames that stayed in the mean would be worse than no history."""
@@ -45,5 +49,26 @@ def remember(before: ColorHistory, mean: Any) -> ColorHistory:
         here: the history would follow its own choices.
     """
     frames = dr.minimum(before.frames + 1, MEMORY)
-    share = dr.minimum(RISE / frames, 1)
-    return ColorHistory(before.color + (mean - before.color) * share, frames)
+    return ColorHistory(dr.lerp(before.color, mean, dr.minimum(RISE / frames, 1)), frames)
+
+
+def relit(color: Any, mean: Any, hits: PrimaryHit, size: tuple[int, int]) -> Any:
+    """The history, made as bright as the current frame around each pixel.
+
+    Where the light changes, the history tells where it was. Multiplied by the ratio of local means
+    of luminance (of similar pixels; standard deviation 3.2 pixels) it keeps its detail and takes
+    the brightness of the frame; so also the frame's noise of lower frequencies.
+
+    Parameters
+    ----------
+    color, mean : Color3f
+        Colour history and this frame's plain average.
+    size : (int, int)
+        Width and height in pixels.
+    """
+    width, height = (dr.opaque(mi.UInt32, n) for n in size)
+    before, now = target(color), target(mean)
+    for step in (1, 2):
+        alike = similar_neighbors(hits, width, height, step)
+        before, now = (local_mean(x, alike, width, step) for x in (before, now))
+    return color * dr.select(before > 0, now / before, 0)

@@ -12,8 +12,8 @@ through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it 
 
     I_p = r_p + t_p,     t_p = -sum_d a(d) e_{p+d},     a(d) = exp(-|d|² / (4 sigma²)),
 
-the sum over the similar pixels within :data:`REACH`. Each pixel is visited once, in nine sets of
-pixels three apart that see one another's choices.
+the sum over the similar pixels of the 5x5 around (at whose corners a(d) is 0.14). Each pixel is
+visited once, in nine sets of pixels three apart that see one another's choices.
 
 Ours are the candidates, their mirror images and the bound: a choice that avoids outliers darkens
 the image, because outliers are bright. With mirror images it can go either way, and errors of more
@@ -26,7 +26,6 @@ nothing of it gets into reservoirs or history.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -35,36 +34,17 @@ import mitsuba as mi
 from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
 from ..sampling.streams import SELECTION, pass_stream, uniform2
-from .reuse import similar
+from .neighborhood import OFFSETS, counts, local_mean, moved, similar_neighbors
 from .spatial import PairEstimators
 
 SIGMA = 1.0
 """Standard deviation of the Gaussian through which the error is seen [pixels]."""
-
-REACH = 2
-"""Neighbours of a pixel are at most so many columns and rows away; a(d) is 0.02 at the corners."""
 
 SPACING = 3
 """Pixels of a set are so far apart, beyond each other's reach."""
 
 LIMIT = 4.0
 """Largest error that counts, relative to the mean luminance of the history around."""
-
-_OFFSETS = [
-    (x, y) for y in range(-REACH, REACH + 1) for x in range(-REACH, REACH + 1) if (x, y) != (0, 0)
-]
-
-
-@dataclass
-class Surroundings:
-    """What a pixel has to know of its neighbours before any choice.
-
-    Fields: ``similar`` (``UInt32``, bit i: the neighbour at the i-th offset is in the image and
-    similar), ``limit`` (``Float``, largest error of a channel that counts).
-    """
-
-    similar: Any
-    limit: Any
 
 
 def select(
@@ -99,22 +79,26 @@ def select(
         One of each pixel's candidates.
     """
     width, height = (dr.opaque(mi.UInt32, n) for n in size)
-    around = surroundings(reference, hits, width, height)
-    error = bounded(mean - reference, around.limit)
+    alike = similar_neighbors(hits, width, height)
+    limit = LIMIT * local_mean(target(reference), alike, width)
+    error = bounded(mean - reference, limit)
     shown = dr.copy(mean)
-    dr.eval(around, error, shown)
+    dr.eval(alike, limit, error, shown)
 
     order = uniform2(pass_stream(SELECTION, 0, sample, seed), 0, 0)
     for index in range(SPACING**2):
         pixel, inside = pixels_of_set(dr.opaque(mi.UInt32, index), order, size)
-        own = dr.gather(Surroundings, around, pixel, inside)
+        own_limit = dr.gather(mi.Float, limit, pixel, inside)
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
-        wanted = -neighbors_error(error, own.similar, pixel, width)
-        best = dr.gather(mi.Color3f, mean, pixel, inside)
+        around = dr.gather(mi.UInt32, alike, pixel, inside)
+        wanted = -neighbors_error(error, around, pixel, width)
+        own_mean = dr.gather(mi.Color3f, mean, pixel, inside)
+        own = dr.gather(PairEstimators, estimators, pixel, inside)
+        best = own_mean
         best_error = dr.gather(mi.Color3f, error, pixel, inside)
         best_distance = dr.squared_norm(best_error - wanted)
-        for color, valid in candidates(dr.gather(PairEstimators, estimators, pixel, inside), best):
-            its_error = bounded(color - expected, own.limit)
+        for color, valid in candidates(own, own_mean):
+            its_error = bounded(color - expected, own_limit)
             distance = dr.squared_norm(its_error - wanted)
             better = valid & (distance < best_distance)
             best = dr.select(better, color, best)
@@ -141,27 +125,6 @@ def bounded(error: Any, limit: Any) -> Any:
     return mi.Color3f([dr.clip(channel, -limit, limit) for channel in error])
 
 
-def surroundings(reference: Any, hits: PrimaryHit, width: Any, height: Any) -> Surroundings:
-    """Similar neighbours of every pixel, and the bound of its error."""
-    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
-    y = pixel // width
-    x = pixel - y * width
-    brightness = target(reference)
-    dr.eval(brightness)
-    total, count = mi.Float(brightness), mi.Float(1)
-    bits = mi.UInt32(0)
-    for i, (dx, dy) in enumerate(_OFFSETS):
-        beside, below = mi.Int32(x) + dx, mi.Int32(y) + dy
-        inside = (beside >= 0) & (beside < mi.Int32(width))
-        inside &= (below >= 0) & (below < mi.Int32(height))
-        other = moved(pixel, dx, dy, width)
-        alike = inside & similar(hits, dr.gather(PrimaryHit, hits, other, inside))
-        bits |= dr.select(alike, mi.UInt32(1 << i), 0)
-        total += dr.gather(mi.Float, brightness, other, alike)
-        count += dr.select(alike, mi.Float(1), 0)
-    return Surroundings(bits, LIMIT * total / count)
-
-
 def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:
     """sum a(d) e_{p+d} over the similar neighbours of each pixel (``Color3f``).
 
@@ -170,19 +133,13 @@ def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:
     error : Color3f
         Of all pixels.
     alike : UInt32
-        ``similar`` of :class:`Surroundings`, of the pixels that ``pixel`` names.
+        Which neighbours count, of the pixels that ``pixel`` names.
     """
     total = mi.Color3f(0)
-    for i, (dx, dy) in enumerate(_OFFSETS):
-        counts = (alike & (1 << i)) != 0
-        seen = dr.gather(mi.Color3f, error, moved(pixel, dx, dy, width), counts)
+    for i, (dx, dy) in enumerate(OFFSETS):
+        seen = dr.gather(mi.Color3f, error, moved(pixel, (dx, dy), width), counts(alike, i))
         total += seen * math.exp(-(dx**2 + dy**2) / (4 * SIGMA**2))
     return total
-
-
-def moved(pixel: Any, dx: int, dy: int, width: Any) -> Any:
-    """Row-major index of the pixel at an offset; it must be in the image."""
-    return mi.UInt32(mi.Int32(pixel) + dy * mi.Int32(width) + dx)
 
 
 def pixels_of_set(index: Any, order: tuple[Any, Any], size: tuple[int, int]) -> tuple[Any, Any]:

@@ -1,0 +1,80 @@
+"""The 5x5 pixels around each pixel, as far as they lie in the image and look alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..paths.primary_hit import PrimaryHit
+from .reuse import similar
+
+REACH = 2
+"""Columns and rows on each side."""
+
+OFFSETS = [
+    (x, y) for y in range(-REACH, REACH + 1) for x in range(-REACH, REACH + 1) if (x, y) != (0, 0)
+]
+"""(columns, rows) from a pixel to each of its neighbours."""
+
+
+def moved(pixel: Any, offset: tuple[int, int], width: Any) -> Any:
+    """Row-major index of the pixel at an offset; it must be in the image."""
+    return mi.UInt32(mi.Int32(pixel) + offset[1] * mi.Int32(width) + offset[0])
+
+
+def similar_neighbors(hits: PrimaryHit, width: Any, height: Any, step: int = 1) -> Any:
+    """Which neighbours of every pixel count.
+
+    Parameters
+    ----------
+    hits : PrimaryHit
+        Of all pixels, row-major.
+    width, height : UInt32
+        Size of the image.
+    step : int
+        Factor of the offsets.
+
+    Returns
+    -------
+    UInt32
+        Bit i: the neighbour at ``OFFSETS[i]`` is in the image and similar in the G-buffer.
+    """
+    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
+    y = pixel // width
+    x = pixel - y * width
+    bits = mi.UInt32(0)
+    for i, (dx, dy) in enumerate(OFFSETS):
+        beside, below = mi.Int32(x) + step * dx, mi.Int32(y) + step * dy
+        inside = (beside >= 0) & (beside < mi.Int32(width))
+        inside &= (below >= 0) & (below < mi.Int32(height))
+        other = moved(pixel, (step * dx, step * dy), width)
+        alike = inside & similar(hits, dr.gather(PrimaryHit, hits, other, inside))
+        bits |= dr.select(alike, mi.UInt32(1 << i), 0)
+    return bits
+
+
+def counts(alike: Any, neighbor: int) -> Any:
+    """Whether the neighbour of this number counts, by the bits of :func:`similar_neighbors`."""
+    return (alike & (1 << neighbor)) != 0
+
+
+def local_mean(values: Any, alike: Any, width: Any, step: int = 1) -> Any:
+    """Mean over every pixel and the neighbours that count (``Float``).
+
+    Parameters
+    ----------
+    values : Float
+        Of all pixels, row-major.
+    alike : UInt32
+        Result of :func:`similar_neighbors` with the same ``step``.
+    """
+    dr.eval(values)
+    pixel = dr.arange(mi.UInt32, dr.width(values))
+    total, number = mi.Float(values), mi.Float(1)
+    for i, (dx, dy) in enumerate(OFFSETS):
+        active = counts(alike, i)
+        total += dr.gather(mi.Float, values, moved(pixel, (step * dx, step * dy), width), active)
+        number += dr.select(active, mi.Float(1), 0)
+    return total / number
