@@ -30,7 +30,8 @@ def make_folder(folder: Path) -> None:
 def save_arrays(path: Path, label: Mapping[str, str], arrays: Mapping[str, Any]) -> None:
     """Write arrays together with the label that they can later be recognised by."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, label=np.array(json.dumps(label)), **arrays)
+    # Noise hardly compresses, and every quantity reads the frames anew.
+    np.savez(buffer, label=np.array(json.dumps(label)), **arrays)
     make_folder(path.parent)
     write_atomically(path, buffer.getvalue())
 

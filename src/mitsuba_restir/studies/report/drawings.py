@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _BARS = (
     "time of a frame",
     "RMSE",
+    "RMSE, displayed",
     "relative RMSE, clipped",
     "relMSE, trimmed",
     "relative covariance r=8",

@@ -15,6 +15,7 @@ _ROBUST, _TRIMMED = "relative RMSE, clipped", "relMSE, trimmed"
 _COLUMNS: tuple[tuple[str, str, bool | None], ...] = (
     ("time of a frame", "Time of a frame", True),
     ("RMSE", "RMSE", True),
+    ("RMSE, displayed", "RMSE, displayed", True),
     (_ROBUST, "Relative RMSE, clipped", True),
     (_TRIMMED, "relMSE, trimmed", True),
     ("relMSE of the average", "relMSE of the average", True),

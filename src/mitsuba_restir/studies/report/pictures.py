@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,8 @@ from ..frame_errors import CLIP, SIGMA, relative_errors
 from ..results import Image, Measured, ReferenceImage, Run
 from .colours import Picture, diverging
 
-_ERROR_SCALE = 2.0
-_SEEN_SCALE = 1.0
+# Errors have full colour at one of these, the first above twice the root mean square.
+_SCALES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 _SCORE = 4.0
 _LEAST_RUNS = 4
 _PERCENTILE = 99.0
@@ -61,12 +61,21 @@ class Shown:
         Exposure.
     frames, denoised : mapping of str to array, (H, W, 3)
         The last frame of the first run; after OIDN (empty where it is missing).
+    errors, seen : mapping of str to array, (H, W)
+        Relative errors of the frames, and the clipped ones through a Gaussian; empty without a
+        reference.
+    error_scale, seen_scale : float
+        Where these have full colour.
     """
 
     runs: Mapping[str, Sequence[Run]]
     scale: float
     frames: Mapping[str, Image]
     denoised: Mapping[str, Image]
+    errors: Mapping[str, FloatArray] = field(default_factory=dict)
+    seen: Mapping[str, FloatArray] = field(default_factory=dict)
+    error_scale: float = 1.0
+    seen_scale: float = 1.0
 
 
 def shown_of(data: Measured) -> Shown:
@@ -77,7 +86,28 @@ def shown_of(data: Measured) -> Shown:
         clean = {name: denoise(frame).astype(np.float32) for name, frame in frames.items()}
     except ImportError:
         clean = {}
-    return Shown(runs, exposure(data) if runs else 1.0, frames, clean)
+    shown = Shown(runs, exposure(data) if runs else 1.0, frames, clean)
+    reference = data.reference
+    if reference is None or not runs:
+        return shown
+    errors = {name: relative_errors(f[None], reference, None)[0] for name, f in frames.items()}
+    clipped = {name: np.clip(error, -CLIP, CLIP) for name, error in errors.items()}
+    seen = {
+        name: np.asarray(ndimage.gaussian_filter(error, SIGMA, mode="reflect"))
+        for name, error in clipped.items()
+    }
+    return replace(
+        shown,
+        errors=errors,
+        seen=seen,
+        error_scale=_scale_of(clipped[data.baseline]),
+        seen_scale=_scale_of(seen[data.baseline]),
+    )
+
+
+def _scale_of(error: FloatArray) -> float:
+    level = 2.0 * float(np.sqrt(np.mean(error**2)))
+    return next((scale for scale in _SCALES if scale >= level), _SCALES[-1])
 
 
 def exposure(data: Measured) -> float:
@@ -94,8 +124,8 @@ def galleries(data: Measured, shown: Shown) -> list[Gallery]:
     found = [_images(data, shown), _denoised(shown)]
     if data.reference is not None:
         found += [
-            _errors(shown, data.reference),
-            _seen_errors(shown, data.reference),
+            _errors(shown),
+            _seen_errors(shown),
             _bias(shown, data.reference),
             _covariances(shown, data.reference),
         ]
@@ -116,40 +146,31 @@ def _denoised(shown: Shown) -> Gallery:
     return Gallery("denoised", "Denoised", about, pictures, layer=True)
 
 
-def error_picture(error: FloatArray) -> Picture:
-    """Colour relative errors (H, W)."""
-    return diverging(error / _ERROR_SCALE)
+def error_pictures(shown: Shown) -> dict[str, Picture]:
+    """Colour the relative errors of the frames."""
+    return {name: diverging(error / shown.error_scale) for name, error in shown.errors.items()}
 
 
-def seen_error_picture(error: FloatArray) -> Picture:
-    """Colour clipped relative errors (H, W) as they are seen from a distance."""
-    clipped = np.clip(error, -CLIP, CLIP)
-    return diverging(ndimage.gaussian_filter(clipped, SIGMA, mode="reflect") / _SEEN_SCALE)
+def seen_pictures(shown: Shown) -> dict[str, Picture]:
+    """Colour the errors as they are seen from a distance."""
+    return {name: diverging(error / shown.seen_scale) for name, error in shown.seen.items()}
 
 
-def _errors(shown: Shown, reference: ReferenceImage) -> Gallery:
-    pictures = {
-        name: error_picture(relative_errors(frame[None], reference, None)[0])
-        for name, frame in shown.frames.items()
-    }
+def _errors(shown: Shown) -> Gallery:
     about = (
         "Error of the luminance of these frames over the smoothed reference: blue is too dark, red "
-        f"too bright, full colour at ±{100 * _ERROR_SCALE:.0f} %."
+        f"too bright, full colour at ±{100 * shown.error_scale:.0f} %."
     )
-    return Gallery("errors", "Errors", about, pictures, layer=True)
+    return Gallery("errors", "Errors", about, error_pictures(shown), layer=True)
 
 
-def _seen_errors(shown: Shown, reference: ReferenceImage) -> Gallery:
-    pictures = {
-        name: seen_error_picture(relative_errors(frame[None], reference, None)[0])
-        for name, frame in shown.frames.items()
-    }
+def _seen_errors(shown: Shown) -> Gallery:
     about = (
         f"The same errors, clipped at ±{CLIP:.0f}, through a Gaussian of {SIGMA} pixels, as an eye "
-        f"at a distance sees them; full colour at ±{100 * _SEEN_SCALE:.0f} %. What blue noise is "
-        "for: its errors cancel here."
+        f"at a distance sees them; full colour at ±{100 * shown.seen_scale:.0f} %. What blue noise "
+        "is for: its errors cancel here."
     )
-    return Gallery("seen", "Errors from a distance", about, pictures, layer=True)
+    return Gallery("seen", "Errors from a distance", about, seen_pictures(shown), layer=True)
 
 
 def _bias(shown: Shown, reference: ReferenceImage) -> Gallery:

@@ -12,10 +12,9 @@ from scipy import ndimage
 
 from ...analysis.images import FloatArray, luminance
 from ...imageio import to_srgb8
-from ..frame_errors import relative_errors
-from ..results import Image, Measured, ReferenceImage
+from ..results import Image, Measured
 from .colours import Picture
-from .pictures import Shown, error_picture, seen_error_picture
+from .pictures import Shown, error_pictures, seen_pictures
 
 CROP = 32
 _ZOOM = 4
@@ -121,22 +120,14 @@ def _rows(data: Measured, shown: Shown, spectra: Mapping[str, Picture]) -> list[
         if shown.denoised:
             rows.append(_Row("denoised", _exposed(shown.denoised, shown.scale, crop)))
     if reference is not None:
-        errors = _errors(shown, reference)
         crop = crop_of(truth, smooth=True)
-        near = {name: error_picture(e)[crop] for name, e in errors.items()}
-        far = {name: seen_error_picture(e)[crop] for name, e in errors.items()}
-        rows.append(_Row("its error", near))
-        rows.append(_Row("error from\na distance", far))
+        near = {name: picture[crop] for name, picture in error_pictures(shown).items()}
+        far = {name: picture[crop] for name, picture in seen_pictures(shown).items()}
+        rows.append(_Row(f"its error,\n±{100 * shown.error_scale:.0f} %", near))
+        rows.append(_Row(f"from afar,\n±{100 * shown.seen_scale:.0f} %", far))
     if spectra:
         rows.append(_Row("spectrum of\nthe error", spectra))
     return rows
-
-
-def _errors(shown: Shown, reference: ReferenceImage) -> dict[str, FloatArray]:
-    return {
-        name: relative_errors(frame[None], reference, None)[0]
-        for name, frame in shown.frames.items()
-    }
 
 
 def _exposed(
