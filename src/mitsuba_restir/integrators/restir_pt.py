@@ -71,11 +71,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
      * - neighbor_sampling
        - |string|
        - Who the neighbours are. ``random``: reciprocal pairs. ``blue_noise``: pixels exchange paths
-         in scattered groups, in the order that a blue-noise mask with a random offset gives them;
-         the error has less power at low frequencies, at as many shifts and no bias. For comparison:
-         ``white_noise``, the same with a white mask; ``blocks``, with a white mask in blocks of 16
-         x 16 pixels (histogram stratification, after Salaün et al. 2025); ``geometry``, picks with
-         good scores of the G-buffer (Junkins et al. 2026), at two shifts a neighbour.
+         in scattered groups, in the order that a blue-noise mask with a random offset gives them:
+         less noise between 1/16 and 1/6 cycles per pixel, at as many shifts and no bias. For
+         comparison: ``white_noise``, the same with a white mask; ``blocks``, with a white mask in
+         blocks of 16 x 16 pixels (histogram stratification, after Salaün et al. 2025);
+         ``geometry``, picks with good scores of the G-buffer (Junkins et al. 2026), at two shifts
+         a neighbour.
          (Default: ``random``)
 
      * - confidence_cap

@@ -133,7 +133,7 @@ def ranked(pixels: Pixels, groups: Groups, reservoirs: Reservoir, choices: Strea
         dr.eval(theirs)
         pulled.append(replace(theirs, valid=shared))
     shares = _circulating_shares(pixels, reservoirs, ranks, pulled)
-    confidence = _expected_confidence(pixels, reservoirs, ranks)
+    confidence = expected_confidence(reservoirs.confidence, ranks, pixels.neighbors)
     return Exchange(pulled, shares, confidence, [theirs.outcome for theirs in pulled])
 
 
@@ -153,13 +153,12 @@ def _circulating_shares(
     return shares
 
 
-def _expected_confidence(pixels: Pixels, reservoirs: Reservoir, ranks: Ranks) -> Any:
-    """Confidence of the pixel and, in expectation, of its picks.
+def expected_confidence(own: Any, ranks: Ranks, neighbors: int) -> Any:
+    """Confidence of every pixel and, in expectation, of its picks.
 
-    The picks' own would depend on the values that ranked them.
+    The picks' own would go with their ranks, and so with what the merged reservoir holds.
     """
-    own = reservoirs.confidence
-    others = (ranks.confidence - own) * (pixels.neighbors / dr.maximum(mi.Float(ranks.count), 1))
+    others = (ranks.confidence - own) * (neighbors / dr.maximum(mi.Float(ranks.count), 1))
     return own + dr.select(ranks.count > 1, others, 0)
 
 

@@ -1,0 +1,386 @@
+"""Neighbours by rank: exchanges are permutations, the error is bluer, and nothing is biased."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from scipy import stats
+from support import references
+from support.modes import MODES, Mode
+from support.mutants import Mutation, apply
+from support.runs import assert_unbiased, bias_report, independent_runs, integrator
+
+from mitsuba_restir.analysis.bias import BiasReport
+from mitsuba_restir.analysis.spectrum import band_power, power_spectrum
+from mitsuba_restir.integrators import frame as frame_module
+from mitsuba_restir.passes import neighbors as neighbors_module
+from mitsuba_restir.passes.neighbors import SAMPLING, expected_confidence
+from mitsuba_restir.passes.ranks import NOWHERE, Groups, rank_pixels, scattered_groups, turned
+from mitsuba_restir.passes.spatial import canonical_share, merge, pull, push
+from mitsuba_restir.paths.spectrum import target
+from mitsuba_restir.sampling.dither import mask_texture
+from mitsuba_restir.sampling.masks import load_mask, void_and_cluster, white
+from mitsuba_restir.sampling.streams import NEIGHBORS, SPATIAL, pass_stream
+
+ALPHA = 1e-4
+OTHERS = ("white_noise", "blocks", "geometry")
+
+
+def choices(seed: int) -> Any:
+    return pass_stream(NEIGHBORS, mi.UInt32(0), mi.UInt32(0), mi.UInt32(seed))
+
+
+def by_mask_level(image: np.ndarray, ranks: np.ndarray) -> np.ndarray:
+    """The pixels in another order: 4 x 4 blocks of pixels with like levels of the mask."""
+    height, width = image.shape[:2]
+    order = np.argsort(ranks[:height, :width].ravel())
+    rows, columns = height // 4, width // 4
+    blocks = image.reshape(height * width, -1)[order].reshape(rows, columns, 4, 4, -1)
+    return blocks.transpose(0, 2, 1, 3, 4).reshape(image.shape)
+
+
+def report(
+    scene_name: str,
+    mode: Mode,
+    runs: int,
+    sampling: str = "blue_noise",
+    sort: bool = False,
+    **parameters: Any,
+) -> BiasReport:
+    case = references.CASES[scene_name]
+    renderer = integrator(case.max_depth, mode, neighbor_sampling=sampling, **parameters)
+    images = independent_runs(renderer, case.load(), mode)
+    reference, variance = references.load(scene_name)
+    if sort:
+        ranks = load_mask()
+        images = (by_mask_level(image, ranks) for image in images)
+        reference, variance = (by_mask_level(image, ranks) for image in (reference, variance))
+    return bias_report(images, runs, reference, variance)
+
+
+def two_sided(pixels: Any, reservoirs: Any, layout: Any, draws: Any) -> tuple[list[Any], Any]:
+    """The picks of ``ranked`` and the values that ranked them, for rules that need both shifts."""
+    labels = neighbors_module.surface_labels(pixels.hits, draws)
+    values = target(reservoirs.color) * reservoirs.weight
+    dr.eval(labels, values)
+    size = (pixels.width, pixels.height)
+    ranks = rank_pixels(layout, *size, labels, values, reservoirs.confidence, draws)
+    dr.eval(ranks)
+    k = pixels.neighbors
+    return [(ranks.source(mi.UInt32(j), k), ranks.count > 1) for j in range(k)], values
+
+
+def exchanged(pixels: Any, reservoirs: Any, other: Any, valid: Any) -> tuple[Any, Any]:
+    theirs = pull(pixels, reservoirs, other, valid, mi.Bool(False))
+    reach, _ = push(pixels, reservoirs, other, valid)
+    dr.eval(theirs, reach)
+    return theirs, dr.select(valid, canonical_share(pixels, reservoirs, reach), 0)
+
+
+def chained(
+    pixels: Any, sampling: Any, layout: Any, reservoirs: Any, number: Any, sample: Any, seed: Any
+) -> Any:
+    """The same picks, merged one after the other: each against what the one before has left."""
+    draws = pass_stream(NEIGHBORS, number, sample, seed)
+    picks, values = two_sided(pixels, reservoirs, layout, draws)
+    single = replace(pixels, neighbors=1)
+    pixel = dr.arange(mi.UInt32, dr.width(values))
+    for j, (other, valid) in enumerate(picks):
+        theirs, share = exchanged(single, reservoirs, other, valid)
+        confidence = 2 * reservoirs.confidence
+        selection = pass_stream(SPATIAL, pixel, sample, seed ^ (mi.UInt32(j + 1) << 24))
+        reservoirs, color, pairs = merge(reservoirs, [theirs], [share], confidence, selection)
+        dr.eval(reservoirs, color)
+    return reservoirs, color, pairs, []
+
+
+def without_the_empty(
+    pixels: Any, sampling: Any, layout: Any, reservoirs: Any, number: Any, sample: Any, seed: Any
+) -> Any:
+    """The same picks, but a pixel without a path is nobody's neighbour."""
+    draws = pass_stream(NEIGHBORS, number, sample, seed)
+    picks, values = two_sided(pixels, reservoirs, layout, draws)
+    pairs = [
+        exchanged(pixels, reservoirs, other, valid & (dr.gather(mi.Float, values, other) > 0))
+        for other, valid in picks
+    ]
+    pixel = dr.arange(mi.UInt32, dr.width(values))
+    selection = pass_stream(SPATIAL, pixel, sample, seed)
+    pulled, shares = ([pair[i] for pair in pairs] for i in range(2))
+    return *merge(reservoirs, pulled, shares, reservoirs.confidence, selection), []
+
+
+# --------------------------------- the exchange --------------------------------------------------
+
+
+def synthetic(
+    values: np.ndarray, groups: Groups, seed: int, labels: Any = None, confidence: Any = None
+) -> Any:
+    height, width = values.shape
+    labels = np.zeros(values.shape) if labels is None else labels
+    confidence = np.ones(values.shape) if confidence is None else confidence
+    ranks = rank_pixels(
+        groups,
+        width,
+        height,
+        mi.UInt32(labels.ravel().astype(np.uint32)),
+        mi.Float(values.ravel().astype(np.float32)),
+        mi.Float(confidence.ravel().astype(np.float32)),
+        choices(seed),
+    )
+    dr.eval(ranks)
+    return ranks
+
+
+@pytest.fixture(scope="module")
+def blue() -> np.ndarray:
+    return load_mask()
+
+
+@pytest.mark.parametrize("neighbors", [1, 2, 3, 5, 32])
+@pytest.mark.parametrize(("height", "width", "radius"), [(37, 50, 6.0), (1, 40, 20.0), (9, 9, 1.0)])
+def test_every_path_is_taken_as_often_as_paths_are_asked_for(rgb, height, width, radius, neighbors):
+    rng = np.random.default_rng(0)
+    labels = rng.integers(3, size=(height, width)).astype(np.uint32)
+    labels[rng.random(labels.shape) < 0.1] = NOWHERE
+    # Many ties, as where no path was found.
+    values = np.maximum(rng.normal(size=labels.shape), 0)
+    groups = scattered_groups(mask_texture(void_and_cluster(32, 0)), radius)
+    ranks = synthetic(values, groups, 5, labels)
+    n = height * width
+    pixel = np.arange(n)
+    used = labels.ravel() != NOWHERE
+    count = np.array(ranks.count)
+    assert np.array_equal(count > 0, used)
+    slots, takers = [], []
+    for j in range(neighbors):
+        source = np.array(ranks.source(mi.UInt32(j), neighbors))
+        assert np.array_equal(labels.ravel()[source[used]], labels.ravel()[used])
+        slots.append(source)
+        taker, slot = ranks.taker(j, neighbors)
+        takers.append((np.array(taker), np.array(slot)))
+    slots = np.array(slots)
+    taken = np.bincount(slots[:, used].ravel(), minlength=n)
+    assert np.array_equal(taken[used], np.full(used.sum(), neighbors))
+    edges = set()
+    for taker, slot in takers:
+        assert np.array_equal(slots[slot[used], taker[used]], pixel[used])
+        edges |= set(zip(taker[used].tolist(), slot[used].tolist(), strict=True))
+    assert len(edges) == neighbors * used.sum()
+
+
+def test_a_pixel_takes_one_path_of_each_stratum_in_the_order_of_the_mask(rgb, blue):
+    rng = np.random.default_rng(1)
+    values = rng.lognormal(size=(64, 80))
+    ranks = synthetic(values, scattered_groups(mask_texture(blue), 20.0), 2)
+    picks = np.stack(
+        [values.ravel()[np.array(ranks.source(mi.UInt32(j), 3))] for j in range(3)], axis=-1
+    )
+    first, mask, count = (np.array(a) for a in (ranks.first, ranks.mask, ranks.count))
+    assert count.max() == 81
+    order = np.lexsort((mask, first))
+    same = np.diff(first[order]) == 0
+    assert (np.diff(picks[order], axis=0)[same] >= 0).all()
+    # Each pick's rank in its class, as a share of it: one in each third, up to a rank.
+    for begin in np.unique(first):
+        inside = first == begin
+        place = np.searchsorted(np.sort(values.ravel()[inside]), picks[inside]) / inside.sum()
+        offset = 3 * place - np.arange(3)
+        assert offset.min() > -3 / inside.sum() - 1e-9
+        assert offset.max() < 1
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 81])
+def test_turned_ranks_are_a_permutation_and_uniform(rgb, count):
+    rank = dr.arange(mi.UInt32, count)
+    results = np.array([np.array(turned(rank, mi.UInt32(count), choices(s))) for s in range(99)])
+    results = results.astype(int)
+    assert np.array_equal(np.sort(results, axis=1), np.tile(np.arange(count), (99, 1)))
+    # Many seeds at once: one rank, one turn per lane.
+    many = np.array(turned(mi.UInt32(count // 3), mi.UInt32(count), lanes_of_choices(40_000)))
+    assert stats.chisquare(np.bincount(many, minlength=count)).pvalue > ALPHA or count == 1
+    # Ranks that meet on the circle stay alike.
+    assert np.abs(np.diff(results, axis=1)).max(initial=0) <= 2
+
+
+def lanes_of_choices(lanes: int) -> Any:
+    return pass_stream(NEIGHBORS, mi.UInt32(0), mi.UInt32(0), dr.arange(mi.UInt32, lanes))
+
+
+def test_the_error_of_the_picks_is_bluer_by_a_blue_mask(rgb, blue):
+    """Power of the mean of three picks, on a field of independent values of variance 1."""
+    rng = np.random.default_rng(2)
+    powers = {}
+    for name, ranks in (("blue", blue), ("white", white(256, 0))):
+        groups = scattered_groups(mask_texture(ranks), 20.0)
+        errors = []
+        for seed in range(12):
+            values = rng.exponential(size=(192, 192))
+            exchange = synthetic(values, groups, seed)
+            picks = [np.array(exchange.source(mi.UInt32(j), 3)) for j in range(3)]
+            errors.append(values.ravel()[np.array(picks)].mean(axis=0).reshape(192, 192) - 1)
+        powers[name] = band_power(power_spectrum(np.array(errors)), [(0.02, 0.06), (0.06, 0.17)])
+    # Independent picks have the power 1/3.
+    assert powers["white"][1] < 0.25
+    assert powers["blue"][1] < 0.55 * powers["white"][1], powers
+    assert powers["blue"][0] < 0.8 * powers["white"][0], powers
+
+
+# --------------------------------- expectation --------------------------------------------------
+
+SPATIAL_1 = Mode({"temporal": False, "spatial_radius": 6.0})
+SPATIAL_3 = Mode({**SPATIAL_1.parameters, "spatial_rounds": 3, "spatial_neighbors": 2})
+BOTH = MODES["both"]
+# Relative error of the image that a test of 128 runs finds with probability 0.99.
+POWER = {"room": 0.03, "emitters": 0.065, "envmap": 0.025, "glossy_shapes": 0.025}
+
+
+@pytest.mark.parametrize(
+    ("name", "mode"),
+    [
+        ("room", SPATIAL_1),
+        ("room", SPATIAL_3),
+        ("room", BOTH),
+        ("emitters", SPATIAL_1),
+        ("emitters", BOTH),
+        ("envmap", BOTH),
+        ("glossy_shapes", SPATIAL_1),
+    ],
+    ids=lambda x: x if isinstance(x, str) else f"{x.frames}",
+)
+def test_unbiased(rgb, name, mode):
+    assert_unbiased(report(name, mode, 128), f"{name}-blue_noise", POWER[name])
+
+
+@pytest.mark.parametrize(("name", "mode"), [("room", BOTH), ("emitters", SPATIAL_1)])
+@pytest.mark.parametrize("sampling", OTHERS)
+def test_others_are_unbiased(rgb, name, sampling, mode):
+    assert_unbiased(report(name, mode, 128, sampling), f"{name}-{sampling}", POWER[name])
+
+
+FIXED_MASK = Mutation(
+    "level = groups.mask.level(x, y, key)", "level = groups.mask.level(x, y, mi.UInt32(0))"
+)
+FIXED_TURN = Mutation(
+    "rank = rank + dr.mul_hi(word, count)", "rank = rank + dr.mul_hi(mi.UInt32(0), count)"
+)
+
+
+@pytest.mark.parametrize(
+    ("mutations", "passes"),
+    [((), True), ((FIXED_MASK,), True), ((FIXED_MASK, FIXED_TURN), False)],
+    ids=["random", "fixed mask", "fixed mask and turn"],
+)
+@pytest.mark.parametrize("name", ["room", "emitters"])
+def test_the_turn_makes_it_unbiased(rgb, monkeypatch, name, mutations, passes):
+    """The bias of a mask that stays is in the pixels of like levels; the turn alone removes it."""
+    apply(monkeypatch, mutations)
+    result = report(name, SPATIAL_1, 128, sort=True)
+    assert result.passed == passes, result
+
+
+@pytest.mark.parametrize(
+    ("rule", "name"), [(chained, "room"), (without_the_empty, "emitters")], ids=["chain", "pool"]
+)
+def test_rules_that_look_at_values_are_biased(rgb, monkeypatch, name, rule):
+    """Controls: the picks of ranks in a chain of merges; a pool that depends on the paths."""
+    monkeypatch.setattr(frame_module, "spatial", rule)
+    assert not report(name, SPATIAL_1, 128).passed
+
+
+# --------------------------------- confidence ---------------------------------------------------
+
+
+def feedback(groups: Groups, own: bool, frames: int) -> np.ndarray:
+    """What a next frame gets of two picks beyond their expectation, one mean per frame.
+
+    Of the pixels, 80 % are new: confidence 1 and the value 1/0.3 with probability 0.3, else 0. The
+    others have confidence 20 and the value 1. A history of confidence M counts with M/(M + 1), so
+    that the mean of M/(M + 1) (value - 1) is the bias of a next frame.
+    """
+    rng = np.random.default_rng(4)
+    size = (96, 96)
+    result = []
+    for seed in range(frames):
+        fresh = rng.random(size) < 0.8
+        values = np.where(fresh, (rng.random(size) < 0.3) / 0.3, 1.0)
+        confidence = np.where(fresh, 1.0, 20.0)
+        ranks = synthetic(values, groups, seed, confidence=confidence)
+        picks = np.array([np.array(ranks.source(mi.UInt32(j), 2)) for j in range(2)])
+        m = confidence.ravel()
+        if own:
+            handed_on = m + m[picks].sum(axis=0)
+        else:
+            handed_on = np.array(expected_confidence(mi.Float(m.astype(np.float32)), ranks, 2))
+        mean = values.ravel()[picks].mean(axis=0)
+        result.append(np.mean(handed_on / (handed_on + 1) * (mean - 1)))
+    return np.array(result)
+
+
+@pytest.mark.parametrize("own", [False, True], ids=["expected", "own"])
+def test_confidence_of_the_picks_would_be_biased(rgb, blue, own):
+    """The picks' own confidence goes with their ranks: handing it on is the control (-2.8 %)."""
+    excess = feedback(scattered_groups(mask_texture(blue), 20.0), own, 48)
+    p = stats.ttest_1samp(excess, 0).pvalue
+    assert (p < ALPHA) == own, (excess.mean(), p)
+
+
+@pytest.mark.parametrize("sampling", ["blue_noise", "blocks", "geometry"])
+def test_confidence_does_not_depend_on_the_values(rgb, sampling):
+    """The same G-buffer with other paths: candidates of another depth."""
+    scene = references.CASES["room"].load()
+    images = []
+    for depth in (2, 5):
+        renderer = integrator(depth, SPATIAL_1, neighbor_sampling=sampling)
+        renderer.render(scene, seed=1, spp=1)
+        images.append(np.array(renderer._history.reservoirs.confidence))
+    np.testing.assert_array_equal(*images)
+    assert images[0].max() > 3
+
+
+# --------------------------------- frames -------------------------------------------------------
+
+
+@pytest.mark.parametrize("sampling", SAMPLING)
+def test_frames_repeat_and_are_neither_recorded_nor_compiled_again(rgb, sampling):
+    scene = references.CASES["room"].load()
+    renderer = integrator(5, BOTH, neighbor_sampling=sampling, spatial_rounds=2)
+    frames = [np.array(renderer.render(scene, seed=s, spp=1)) for s in range(2)]
+    renderer.reset()
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        again = [np.array(renderer.render(scene, seed=s, spp=1)) for s in range(4)]
+        history = dr.kernel_history([dr.KernelType.JIT])
+    np.testing.assert_array_equal(again[:2], frames)
+    assert all(np.isfinite(image).all() and image.min() >= 0 for image in again)
+    assert history
+    assert all(entry["cache_hit"] for entry in history)
+    recorded = renderer._share_paths._recorded
+    assert recorded is not None
+    before = recorded.n_recordings
+    renderer.render(scene, seed=9, spp=1)
+    assert recorded.n_recordings == before
+
+
+@pytest.mark.parametrize("name", ["emitters", "grooves"])
+@pytest.mark.parametrize("sampling", ["blue_noise", "geometry"])
+def test_reservoirs_stay_valid(rgb, name, sampling):
+    case = references.CASES[name]
+    renderer = integrator(case.max_depth, BOTH, neighbor_sampling=sampling)
+    scene = case.load()
+    for seed in range(8):
+        renderer.render(scene, seed=seed, spp=1)
+        reservoirs = renderer._history.reservoirs
+        for value in (reservoirs.weight, reservoirs.color, reservoirs.confidence):
+            assert np.isfinite(np.array(value)).all()
+            assert np.array(value).min() >= 0
+
+
+def test_bad_value_says_what_is_allowed(rgb):
+    with pytest.raises(RuntimeError, match="random, blue_noise, white_noise, blocks, geometry"):
+        mi.load_dict({"type": "restir_pt", "neighbor_sampling": "psychic"})
