@@ -77,6 +77,8 @@ def entry(study: Study) -> dict[str, Variants]:
 
 
 def usable_digests(history: Mapping[str, Variants], study: Study, variant: str) -> list[str]:
-    """Return the digests whose runs of a variant are what this study would render."""
-    own = rendering_table(study)["variants"][variant]
+    """Return the digests whose runs of a variant are what this study would render, if it is."""
+    own = rendering_table(study)["variants"].get(variant)
+    if own is None:
+        return []
     return [digest for digest, variants in history.items() if variants.get(variant) == own]
