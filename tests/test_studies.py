@@ -175,6 +175,9 @@ def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
         ("seed = 5", 'seed = 5\nkeep = "some"', "keep must be 'last' or 'all'"),
         ("seed = 5", "seed = 5\nview = {fov = 60, origin = [1, 2]}", "origin must be three"),
         ("spp = 4", "spp = 4\nlist = [1]", "list must be a number, a string"),
+        ("seed = 5", "seed = 5\ncrop = [0.5, 0.5, 0.6, 0.5]", "crop must be left, top, width"),
+        ("seed = 5", "seed = 5\ncrop = [0, 0, 1]", "crop must be 4 numbers"),
+        ("spp = 64", "spp = 64\nnoise = -1", "noise must be a number >= 0"),
     ],
 )
 def test_bad_toml_is_refused_in_one_line(
@@ -375,6 +378,29 @@ def test_a_reference_that_is_too_noisy_is_refused(
     assert len(table.notes) == 1
     assert "rmse at 24x16 is not given" in table.notes[0]
     assert "the reference's own noise; give the reference 2 times the samples" in table.notes[0]
+
+
+def test_a_reference_is_rendered_to_a_stated_noise(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    """Batches of 4 samples whose noise is 10 %: 16 of them have 2.5 %."""
+    file = str(tmp_path / "small.toml")
+    changes = ["reference={spp=400, batches=100, noise=0.025}", "runs=2"]
+    table = run_study(load_study(file, changes), tmp_path / "one")
+    rendered = len([1 for name, _ in log if name == "reference"])
+    assert 12 <= rendered <= 22
+    assert not table.notes
+    expected = _numbers(tmp_path / "one")
+    # More batches of another study change nothing here.
+    run_study(load_study(file, ["reference={spp=160, batches=40}"]), tmp_path / "two")
+    log.clear()
+    run_study(load_study(file, changes), tmp_path / "one")
+    assert log == []
+    assert _numbers(tmp_path / "one") == expected
+    # An aim that is out of reach is said.
+    changes[0] = "reference={spp=160, batches=40, noise=0.001}"
+    table = run_study(load_study(file, changes), tmp_path / "one")
+    assert any("not 0.1 %: 160 samples per pixel are not enough" in note for note in table.notes)
 
 
 def test_references_are_shared_between_studies(

@@ -259,6 +259,28 @@ def test_a_light_moves_and_comes_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_crop_is_a_part_of_the_whole(tmp_path: Path) -> None:
+    """The right lower quarter, pixel by pixel: means of many samples at the same places."""
+    text = STUDY.replace("[variants.path]\n", "[variants.path]\nspp = 256\n", 1)
+    whole = _study(tmp_path, text)
+    crop = _study(tmp_path, text, "crop=[0.5, 0.5, 0.5, 0.5]", "sizes=['12x8']")
+    images = []
+    for study in (whole, crop):
+        renderer = make_renderer(
+            study, load_scene(study), study.sizes[0], "path", study.variants["path"]
+        )
+        images.append(np.mean([renderer.frame(seed)[0] for seed in range(8)], axis=0))
+    assert images[1].shape == (8, 12, 3)
+    np.testing.assert_allclose(images[1], images[0][8:, 12:], rtol=0.15, atol=0.02)
+    # Reuse over time finds its history in a crop, too (but for edges, of which there are many).
+    restir = make_renderer(crop, load_scene(crop), (12, 8), "restir", crop.variants["restir"])
+    for seed in range(3):
+        restir.frame(seed)
+    assert restir.statistics is not None
+    assert restir.statistics()["matched"] > 0.6
+
+
+@pytest.mark.slow
 def test_an_auxiliary_image_can_be_shown(tmp_path: Path) -> None:
     text = STUDY + '\n[variants.shown]\ntype = "restir_pt"\nshows = "albedo"\n'
     study = _study(tmp_path, text)

@@ -14,9 +14,9 @@ _REFERENCE = Reference(spp=2048, batches=32)
 
 
 def on_scene(study: Study, scene: str) -> Study:
-    """Put another scene in a study: its own camera, a rendered reference, no published values."""
+    """Put another scene in a study: its whole view, a rendered reference, no published values."""
     reference = None if study.reference is None else _REFERENCE
-    return replace(study, scene=scene, view=None, reference=reference, published={})
+    return replace(study, scene=scene, view=None, crop=None, reference=reference, published={})
 
 
 def quick(study: Study) -> Study:

@@ -44,6 +44,7 @@ def reference_digest(study: Study, size: Size) -> str:
         "spp": study.reference.spp // study.reference.batches,
         "variant": study.mitsuba_variant,
         "mitsuba": metadata.version("mitsuba"),
+        **({} if study.crop is None else {"crop": list(study.crop)}),
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

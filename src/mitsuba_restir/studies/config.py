@@ -9,6 +9,7 @@ from ..errors import UsageError
 from .quantities import QUANTITIES
 
 Vector = tuple[float, float, float]
+Crop = tuple[float, float, float, float]
 Size = tuple[int, int]
 Value = bool | int | float | str
 
@@ -97,6 +98,9 @@ class Reference:
     spp, batches : int
         Samples per pixel of a reference rendered here, in so many independent batches, from which
         its variance is estimated. Used where `file` is empty.
+    noise : float
+        Relative error of the luminance, in the median over pixels and before it is smoothed, at
+        which the rendering of further batches ends; zero renders all of them.
     smooth : float
         Standard deviation in pixels of a Gaussian that smooths the reference: less noise where the
         truth is known to be smooth.
@@ -107,6 +111,7 @@ class Reference:
     spp: int = 0
     batches: int = 16
     smooth: float = 0.0
+    noise: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -122,11 +127,15 @@ class Study:
         as ``$MITSUBA_RESTIR_SCENES``.
     variants : mapping of str to Variant
     sizes : sequence of (int, int)
-        Width and height in pixels; all variants are rendered at each.
+        Width and height in pixels, of the crop where there is one; all variants are rendered at
+        each.
     baseline : str
         The variant that ratios refer to; the first one by default.
     view : View or None
         None is the scene's own camera.
+    crop : (float, float, float, float) or None
+        Left, top, width and height of the part of the camera's image that is rendered, as shares
+        of it; None is all of it.
     motion : Motion or None
         None is a camera at rest.
     max_depth : int
@@ -163,6 +172,7 @@ class Study:
     sizes: Sequence[Size] = ((320, 180),)
     baseline: str = ""
     view: View | None = None
+    crop: Crop | None = None
     motion: Motion | None = None
     max_depth: int = 10
     frames: int = 1

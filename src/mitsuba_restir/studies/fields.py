@@ -88,15 +88,23 @@ class Reader:
         self, key: str, default: tuple[float, float, float] = _MISSING
     ) -> tuple[float, float, float]:
         """Take three numbers."""
-        value = self._take(key, default)
+        x, y, z = self._numbers(key, 3, "three", self._take(key, default))
+        return x, y, z
+
+    def numbers(self, key: str, count: int) -> tuple[float, ...] | None:
+        """Take so many numbers; None where there are none."""
+        value = self._take(key, None)
+        return None if value is None else self._numbers(key, count, str(count), value)
+
+    def _numbers(self, key: str, count: int, word: str, value: Any) -> tuple[float, ...]:
         good = (
             isinstance(value, list | tuple)
-            and len(value) == 3
+            and len(value) == count
             and all(isinstance(x, int | float) and not isinstance(x, bool) for x in value)
         )
         if not good:
-            raise self._refuse(key, value, "three numbers")
-        return float(value[0]), float(value[1]), float(value[2])
+            raise self._refuse(key, value, f"{word} numbers")
+        return tuple(float(x) for x in value)
 
     def table(self, key: str) -> Reader:
         """Take a table."""

@@ -12,10 +12,13 @@ from scipy import ndimage
 
 from ..errors import UsageError
 from ..imageio import read_rgb
-from .config import Size, Study, Variant
+from .config import Reference, Size, Study, Variant
 from .rendering import expand, make_renderer, seed_of
-from .results import ReferenceImage
+from .results import Image, ReferenceImage
 from .store import StudyFolder
+
+# From fewer, a variance cannot be told.
+_LEAST_BATCHES = 8
 
 # First entries of the seed keys: references share no random numbers with runs.
 RUN_KEY, REFERENCE_KEY, REHEARSAL_KEY = 0, 1, 2
@@ -75,17 +78,73 @@ def _read(study: Study, file: str) -> npt.NDArray[np.float64]:
 
 
 def missing_batches(folder: StudyFolder, size: Size) -> list[int]:
-    """Return the numbers of the batches that are still to be rendered."""
+    """Return the numbers of the batches that are still to be rendered, at most."""
     reference = folder.study.reference
     if reference is None or reference.file:
         return []
+    if _finished(folder, size, reference) is not None:
+        return []
     return [b for b in range(reference.batches) if folder.load_batch(size, b) is None]
+
+
+class _Mean:
+    """
+    Mean of the first batches until they are enough, and its variance.
+
+    They are enough when they are all, or when the mean of at least 8 is as sure as the study asks:
+    the same ones however many more another study has rendered.
+
+    Parameters
+    ----------
+    reference : Reference
+    size : (int, int)
+
+    Fields
+    ------
+    count : int
+        Batches taken so far.
+    """
+
+    def __init__(self, reference: Reference, size: Size) -> None:
+        self._reference = reference
+        self.count = 0
+        self._sum, self._squares = np.zeros((2, size[1], size[0], 3))
+
+    def add(self, batch: Image) -> None:
+        """Take the next batch."""
+        self.count += 1
+        self._sum += batch
+        self._squares += batch.astype(np.float64) ** 2
+
+    def image(self) -> ReferenceImage:
+        """Return the mean and its variance."""
+        mean = self._sum / self.count
+        spread = np.maximum(self._squares / self.count - mean**2, 0.0)
+        return ReferenceImage(mean, spread / max(self.count - 1, 1))
+
+    def is_enough(self) -> bool:
+        """Say whether no more batches are wanted."""
+        if self.count == self._reference.batches:
+            return True
+        goal = self._reference.noise
+        return 0.0 < goal and self.count >= _LEAST_BATCHES and self.image().noise <= goal
+
+
+def _finished(folder: StudyFolder, size: Size, reference: Reference) -> ReferenceImage | None:
+    """Return the reference; None where batches that it needs are not there yet."""
+    mean = _Mean(reference, size)
+    while not mean.is_enough():
+        batch = folder.load_batch(size, mean.count)
+        if batch is None:
+            return None
+        mean.add(batch)
+    return mean.image()
 
 
 def render_batches(
     folder: StudyFolder, scene: Any, size: Size, batches: list[int], done: Callable[[], None]
 ) -> None:
-    """Render and save batches of a reference, calling `done` after each."""
+    """Render and save those of some batches that are needed, calling `done` for each of them."""
     study = folder.study
     assert study.reference is not None
     # Russian roulette saves time but adds variance, which the deepest paths feel most.
@@ -93,9 +152,17 @@ def render_batches(
     spp = study.reference.spp // study.reference.batches
     variant = Variant("path", spp, parameters)
     renderer = make_renderer(study, scene, size, "reference", variant)
-    for batch in batches:
-        image, _ = renderer.frame(seed_of(0, REFERENCE_KEY, batch))
-        folder.save_batch(size, batch, image)
+    mean = _Mean(study.reference, size)
+    while not mean.is_enough():
+        index = mean.count
+        image = None if index in batches else folder.load_batch(size, index)
+        if image is None:
+            image, _ = renderer.frame(seed_of(0, REFERENCE_KEY, index))
+            folder.save_batch(size, index, image)
+        mean.add(image)
+        if index in batches:
+            done()
+    for _ in (batch for batch in batches if batch >= mean.count):
         done()
 
 
@@ -106,11 +173,23 @@ def load_reference(folder: StudyFolder, size: Size) -> ReferenceImage | None:
         return None
     if reference.file:
         return smooth(read_reference(folder.study), reference.smooth)
-    batches = [folder.load_batch(size, index) for index in range(reference.batches)]
-    found = np.array([b for b in batches if b is not None], dtype=np.float64)
-    if len(found) < reference.batches:
-        raise UsageError(
-            f"{folder.path}: {reference.batches - len(found)} batches of the reference are missing"
-        )
-    mean, variance = found.mean(axis=0), found.var(axis=0, ddof=1) / len(found)
-    return smooth(ReferenceImage(mean, variance), reference.smooth)
+    found = _finished(folder, size, reference)
+    if found is None:
+        raise UsageError(f"{folder.path}: batches of the reference are missing")
+    return smooth(found, reference.smooth)
+
+
+def notes_on_reference(study: Study, reference: ReferenceImage | None) -> list[str]:
+    """Say where a reference is not as sure as the study asks."""
+    asked = study.reference
+    if (
+        reference is None
+        or asked is None
+        or asked.smooth
+        or not 0.0 < asked.noise < reference.noise
+    ):
+        return []
+    return [
+        f"the reference's noise is {100 * reference.noise:.2g} % in the median, not "
+        f"{100 * asked.noise:.2g} %: {asked.spp} samples per pixel are not enough for that"
+    ]

@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import scenes
 from ..errors import UsageError, one_line
-from .config import Size, Study, Variant
+from .config import Crop, Size, Study, Variant
 from .motion import make_place
 from .results import Image
 
@@ -146,8 +146,7 @@ def make_sensor(study: Study, scene: Any, size: Size) -> Any:
     """
     film = {
         "type": "hdrfilm",
-        "width": size[0],
-        "height": size[1],
+        **_window(study.crop, size),
         "pixel_format": "rgb",
         "component_format": "float32",
         "rfilter": {"type": "box"},
@@ -171,6 +170,27 @@ def make_sensor(study: Study, scene: Any, size: Size) -> Any:
     matrix = np.array(values["to_world"].matrix, dtype=np.float64).reshape(4, 4)
     transform = mi.ScalarTransform4f(matrix)
     return mi.load_dict({"type": _PLUGINS[kind], "to_world": transform, **numbers, **common})
+
+
+def _window(crop: Crop | None, size: Size) -> dict[str, int]:
+    """Return size and crop window of a film whose window has `size` pixels."""
+    if crop is None:
+        return {"width": size[0], "height": size[1]}
+    left, top, *shares = crop
+    whole = [max(round(n / share), n) for n, share in zip(size, shares, strict=True)]
+    # Rounding must not push the window over the edge.
+    x, y = (
+        min(round(start * n), n - part)
+        for start, n, part in zip((left, top), whole, size, strict=True)
+    )
+    return {
+        "width": whole[0],
+        "height": whole[1],
+        "crop_offset_x": x,
+        "crop_offset_y": y,
+        "crop_width": size[0],
+        "crop_height": size[1],
+    }
 
 
 def make_integrator(study: Study, name: str, variant: Variant) -> Any:

@@ -76,6 +76,14 @@ class ReferenceImage:
         """Variance of the luminance, (H, W), as if the channels erred as one (they nearly do)."""
         return luminance(np.sqrt(self.variance)) ** 2
 
+    @property
+    def noise(self) -> float:
+        """Relative error of its luminance, in the median over the pixels that are not black."""
+        lit = self.luminance > 0.0
+        if not lit.any():
+            return 0.0
+        return float(np.median(np.sqrt(self.luminance_variance[lit]) / self.luminance[lit]))
+
 
 @dataclass(frozen=True)
 class Measured:

@@ -14,6 +14,7 @@ from .probes import PROBES
 from .reference import (
     load_reference,
     missing_batches,
+    notes_on_reference,
     read_reference,
     render_batches,
 )
@@ -107,6 +108,7 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
         study.trim,
         probes,
         settled=study.warmup > 0,
+        notes=notes_on_reference(study, reference),
     )
     return with_derived(study, rendered)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import UsageError
 from . import fields
-from .config import Motion, Reference, Size, Study, Variant, View
+from .config import Crop, Motion, Reference, Size, Study, Variant, View
 
 
 def to_table(study: Study) -> dict[str, Any]:
@@ -21,6 +21,8 @@ def to_table(study: Study) -> dict[str, Any]:
     # These came later: studies without them keep the digests of their finished runs.
     if study.stride == 1:
         del table["stride"]
+    if study.reference is not None and not study.reference.noise:
+        del table["reference"]["noise"]
     if study.motion is not None and not study.motion.light:
         table["motion"] = {"step": list(study.motion.step)}
     return {key: value for key, value in table.items() if value is not None}
@@ -64,6 +66,7 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
         sizes=tuple(_size(text, source) for text in reader.texts("sizes", ("320x180",))),
         baseline=reader.text("baseline", ""),
         view=None if view is None else _view(view),
+        crop=_crop(reader),
         motion=None if motion is None else _motion(motion),
         max_depth=reader.integer("max_depth", 10, least=-1),
         frames=reader.integer("frames", 1, least=1),
@@ -119,6 +122,19 @@ def _view(reader: fields.Reader) -> View:
     return view
 
 
+def _crop(reader: fields.Reader) -> Crop | None:
+    crop = reader.numbers("crop", 4)
+    if crop is None:
+        return None
+    left, top, width, height = crop
+    if min(left, top) < 0.0 or min(width, height) <= 0.0 or max(left + width, top + height) > 1.0:
+        raise UsageError(
+            f"{reader.source}: crop must be left, top, width and height inside 0 ... 1, not "
+            f"{list(crop)}"
+        )
+    return left, top, width, height
+
+
 def _published(reader: fields.Reader) -> dict[str, dict[str, float]]:
     return {
         variant: {name: values.number(name) for name in values.keys()}
@@ -149,6 +165,7 @@ def _reference(reader: fields.Reader) -> Reference:
         spp=reader.integer("spp", 0, least=0),
         batches=reader.integer("batches", 16, least=2),
         smooth=reader.number("smooth", 0.0),
+        noise=reader.number("noise", 0.0),
     )
     reader.finish()
     if bool(reference.file) == bool(reference.spp):
