@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -151,14 +152,69 @@ def test_a_blur_of_equal_filtered_error(tmp_path: Path) -> None:
     np.testing.assert_allclose(frames.mean(axis=0), data.runs["blurred"][0].mean, atol=1e-6)
 
 
-def test_a_blur_that_cannot_reach_the_goal_is_not_given(tmp_path: Path) -> None:
+def test_a_blur_that_cannot_reach_the_goal_is_the_best_one(tmp_path: Path) -> None:
     study = _study(tmp_path, STUDY + BLUR)
-    data = with_derived(study, _measured(0.5, 0.001, 0.0))
-    assert data.runs["blurred"] == []
+    measured = _measured(0.5, 0.001, 0.0)
+    # A grating, which a wide blur takes away.
+    reference = measured.reference
+    assert reference is not None
+    grating = 0.3 * np.sin(np.arange(96) / 3.0)[None, :, None]
+    moved = {
+        name: [
+            Run(r.last + grating, r.mean + grating, r.times, partial(_moved, r, grating))
+            for r in runs
+        ]
+        for name, runs in measured.runs.items()
+    }
+    truth = ReferenceImage(reference.image + grating, reference.variance)
+    data = with_derived(study, replace(measured, runs=moved, reference=truth))
     (note,) = data.notes
-    assert "'blurred' at 96x64 is not given: no Gaussian brings the filtered MSE of 'path'" in note
+    assert "'blurred' at 96x64: no Gaussian brings the filtered MSE of 'path' down to" in note
+    errors = {
+        sigma: np.mean(
+            [
+                filtered_mse(ndimage.gaussian_filter(r.frames, (0, sigma, sigma, 0)), truth)
+                for r in data.runs["path"]
+            ]
+        )
+        for sigma in (0.5 * data.blurs["blurred"], data.blurs["blurred"], 2 * data.blurs["blurred"])
+    }
+    assert min(errors, key=lambda sigma: errors[sigma]) == data.blurs["blurred"]
     already = with_derived(study, _measured(0.1, 0.5, 0.0))
     assert already.blurs["blurred"] == 0.0
+    assert already.notes == ()
+
+
+def _moved(run: Run, by: np.ndarray) -> np.ndarray:
+    assert run.load_frames is not None
+    return run.load_frames() + by
+
+
+def test_a_study_with_a_blur_runs_to_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def make(study: Study, scene: Any, size: Any, name: str, variant: Any) -> Renderer:
+        class Fake(Renderer):
+            def frame(self, seed: int) -> tuple[Any, float]:
+                noise = np.random.default_rng(seed).standard_normal((16, 24, 1))
+                seen = ndimage.gaussian_filter(noise, (1.0, 1.0, 0)) if name == "restir" else noise
+                level = 0.01 if name == "reference" else 0.2
+                return (1.0 + level * seen * np.ones(3)).astype(np.float32), 0.01
+
+        return Fake(lambda seed: None, lambda: None, name == "restir")
+
+    monkeypatch.setattr(runner, "load_scene", lambda study: None)
+    monkeypatch.setattr(runner, "make_renderer", make)
+    monkeypatch.setattr(reference_module, "make_renderer", make)
+    quantities = "quantities=['relmse', 'time', 'speed', 'covariance', 'filtered_mse']"
+    study = _study(tmp_path, STUDY + BLUR, quantities)
+    table = run_study(study, tmp_path / "out")
+    rows = {(row.variant, row.quantity): row for row in table.rows}
+    assert rows["blurred", "Gaussian of the blur"].value.value == pytest.approx(1.0, abs=0.3)
+    assert rows["blurred", "relMSE"].ratio is not None
+    # Nothing was rendered, so there is no time.
+    assert ("blurred", "time of a frame") not in rows
+    assert ("path", "time of a frame") in rows
 
 
 def test_what_is_made_of_others_renders_nothing(tmp_path: Path) -> None:
