@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -303,6 +305,13 @@ def test_quantities_that_share_numbers_give_them_once(
     assert {row.quantity for row in only.rows} == {"duplicated paths"}
     assert only.rows[1].ratio is not None
     assert only.rows[1].ratio.value == 1.0
+
+
+def test_the_documentation_has_every_quantity_and_key() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "studies.md").read_text("utf-8")
+    named = set(re.findall(r"[`\[.]([a-z_]+)[`\].]", text))
+    keys = {field.name for field in fields(Study)}
+    assert {*QUANTITIES, *keys} <= named
 
 
 def test_equal_time_by_hand(tmp_path: Path, study: Study, log: list[tuple[str, int]]) -> None:
