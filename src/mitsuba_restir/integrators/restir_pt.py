@@ -113,7 +113,11 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
      * - blue_noise
        - |string|
-       - ``mutation``: mutations are accepted by a rule that prefers paths unlike those of the
+       - ``selection``: of the estimates that spatial reuse has made, show the one that moves the
+         error to high frequencies, steered by a colour history of plain averages. Nothing of it
+         gets into reservoirs or history. **What is shown is biased** (Veach Ajar: mean within 0.3 %
+         of the plain average), and it needs ``spatial``.
+         ``mutation``: mutations are accepted by a rule that prefers paths unlike those of the
          neighbours (Fickel). It is here as a negative result: **it biases the image**, and the
          noise does not become blue. It compares with the neighbours' luminances before the
          mutations; ``mutation_updated`` is an experiment that keeps them up to date, a sixteenth
@@ -133,7 +137,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
        - |string|
        - Auxiliary images as ``name:type, ...`` with the types ``albedo``, ``sh_normal``, ``depth``,
          ``position``, ``motion`` (previous minus current film position [pixels]), ``confidence``,
-         ``mutation`` (luminance of F W before and after the mutations, and of the new F with the
+         ``history`` (the colour history of ``selection``), ``mutation`` (luminance of F W before and after the mutations, and of the new F with the
          old W; before spatial reuse) and ``path`` (number of the path that a pixel holds before and
          after the mutations and after spatial reuse, equal for equal paths; -1: none).
          (Default: none)
