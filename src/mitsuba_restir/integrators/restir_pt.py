@@ -137,9 +137,10 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
        - |string|
        - Auxiliary images as ``name:type, ...`` with the types ``albedo``, ``sh_normal``, ``depth``,
          ``position``, ``motion`` (previous minus current film position [pixels]), ``confidence``,
-         ``history`` (the colour history of ``selection``), ``mutation`` (luminance of F W before and after the mutations, and of the new F with the
-         old W; before spatial reuse) and ``path`` (number of the path that a pixel holds before and
-         after the mutations and after spatial reuse, equal for equal paths; -1: none).
+         ``history`` (the colour history of ``selection``), ``mutation`` (luminance of F W before
+         and after the mutations, and of the new F with the old W; before spatial reuse) and
+         ``path`` (number of the path that a pixel holds before and after the mutations and after
+         spatial reuse, equal for equal paths; -1: none).
          (Default: none)
 
     Renders with generalised resampled importance sampling (Lin et al. 2022): the candidate paths of
