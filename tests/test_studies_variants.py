@@ -152,6 +152,23 @@ def test_a_blur_of_equal_filtered_error(tmp_path: Path) -> None:
     np.testing.assert_allclose(frames.mean(axis=0), data.runs["blurred"][0].mean, atol=1e-6)
 
 
+def test_fireflies_do_not_spoil_a_blur(tmp_path: Path) -> None:
+    """They are clipped where errors are measured, and must not be spread before that."""
+    study = _study(tmp_path, STUDY + BLUR)
+    measured = _measured(0.5, 0.5, 1.2)
+    lit = {name: [_with_firefly(run) for run in runs] for name, runs in measured.runs.items()}
+    data = with_derived(study, replace(measured, runs=lit))
+    assert data.notes == ()
+    assert data.blurs["blurred"] == pytest.approx(1.2, abs=0.15)
+
+
+def _with_firefly(run: Run) -> Run:
+    assert run.frames is not None
+    frames = run.frames.copy()
+    frames[:, 30, 40] = 300.0
+    return Run(frames[-1], frames.mean(axis=0), run.times, partial(np.asarray, frames))
+
+
 def test_a_blur_that_cannot_reach_the_goal_is_the_best_one(tmp_path: Path) -> None:
     study = _study(tmp_path, STUDY + BLUR)
     measured = _measured(0.5, 0.001, 0.0)

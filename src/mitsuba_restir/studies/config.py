@@ -73,8 +73,8 @@ class Variant:
         Type of an auxiliary image of `restir_pt` that is taken as the frame, in place of its
         colour; empty is the colour.
     of, blur_to : str
-        The images of variant `of` through the Gaussian that brings their filtered MSE to that of
-        variant `blur_to`. Nothing is rendered.
+        The images of variant `of`, without their fireflies, through the Gaussian that brings their
+        filtered MSE to that of variant `blur_to`. Nothing is rendered.
     """
 
     type: str = ""

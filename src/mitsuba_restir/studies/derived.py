@@ -10,8 +10,9 @@ from itertools import pairwise
 import numpy as np
 from scipy import ndimage, optimize
 
+from ..analysis.images import luminance
 from .config import Study
-from .frame_errors import filtered_mse, frames_of
+from .frame_errors import CLIP, filtered_mse, frames_of
 from .results import Image, Measured, ReferenceImage, Run
 
 _WIDEST = 6.0
@@ -53,7 +54,7 @@ def with_derived(study: Study, data: Measured) -> Measured:
                 f"{error:.3g}"
             )
         blurs[name] = sigma
-        runs[name] = [_blurred_run(run, sigma) for run in data.runs[variant.of]]
+        runs[name] = [_blurred_run(run, sigma, data.reference) for run in data.runs[variant.of]]
     ordered = {name: runs[name] for name in study.variants}
     return replace(data, runs=ordered, blurs=blurs, notes=tuple(notes))
 
@@ -93,26 +94,36 @@ def _matching_sigma(
 def _mean_error(
     data: Measured, runs: Sequence[Run], reference: ReferenceImage, sigma: float
 ) -> float:
-    errors = [filtered_mse(_blur(frames_of(data, run), sigma), reference) for run in runs]
+    errors = [
+        filtered_mse(_blur(frames_of(data, run), sigma, reference), reference) for run in runs
+    ]
     return float(np.mean(errors))
 
 
-def _blurred_run(run: Run, sigma: float) -> Run:
+def _blurred_run(run: Run, sigma: float, reference: ReferenceImage) -> Run:
     """Blur the images of a run; it has no times of its own."""
     load = None
     if run.load_frames is not None:
-        load = partial(_blurred_frames, run, sigma)
-    last, mean = _blur(np.stack([run.last, run.mean]), sigma)
+        load = partial(_blurred_frames, run, sigma, reference)
+    last, mean = _blur(np.stack([run.last, run.mean]), sigma, reference)
     return Run(last, mean, np.zeros(0), load)
 
 
-def _blurred_frames(run: Run, sigma: float) -> Image:
+def _blurred_frames(run: Run, sigma: float, reference: ReferenceImage) -> Image:
     assert run.load_frames is not None
-    return _blur(run.load_frames(), sigma)
+    return _blur(run.load_frames(), sigma, reference)
 
 
-def _blur(frames: Image, sigma: float) -> Image:
+def _blur(frames: Image, sigma: float, reference: ReferenceImage) -> Image:
+    """
+    Blur frames (F, H, W, 3) whose fireflies are dimmed to where relative errors are clipped.
+
+    A blur would else spread each of them over many pixels beyond the clip, and could only lose.
+    """
     if sigma == 0.0:
         return frames
-    blurred = ndimage.gaussian_filter(frames, (0.0, sigma, sigma, 0.0), mode="nearest")
+    ceiling = reference.luminance + CLIP * reference.scale
+    bright = np.stack([luminance(frame) for frame in frames])
+    dimmed = frames * np.minimum(ceiling / np.maximum(bright, 1e-30), 1.0)[..., None]
+    blurred = ndimage.gaussian_filter(dimmed, (0.0, sigma, sigma, 0.0), mode="nearest")
     return np.asarray(blurred, dtype=np.float32)
