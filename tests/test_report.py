@@ -275,6 +275,8 @@ def test_the_report_is_one_file(results: Results) -> None:
     drawn = ("radial_spectrum", "radial_ratio", "covariance_by_distance", "convergence_frames")
     assert {f"{name}.{kind}" for name in drawn for kind in ("svg", "png")} <= figures
     assert {"strip.png", "lags_plain.png", "spectra_better.png", "seen_plain.png"} <= figures
+    with Pillow.open(results.path / "figures" / "64x40" / "spectra_plain.png") as spectrum:
+        assert spectrum.size == (64, 64)
     for name, columns in (("spectra", "cycles_per_pixel"), ("covariances", "relative_covariance")):
         assert columns in (results.path / f"{name}.csv").read_text().splitlines()[0]
     assert {f"images_{name}.png" for name in ("plain", "better", "reference")} <= figures

@@ -40,13 +40,20 @@ def spectra(powers: Mapping[str, FloatArray]) -> Gallery:
     """
     decibel = {name: _decibel(own.mean(axis=0)) for name, own in powers.items()}
     low, high = _range(decibel)
-    pictures = {name: sequential((d - low) / (high - low)) for name, d in decibel.items()}
+    pictures = {name: _square(sequential((d - low) / (high - low))) for name, d in decibel.items()}
     about = (
         f"Power of the relative error (clipped at ±{CLIP:.0f}) by frequency, mean over runs: 0 in "
         f"the middle, ±0.5 cycles/pixel at the edges, from {low:.0f} dB (dark) to {high:.0f} dB "
         "(bright). Blotches are bright in the middle; blue noise is dark there."
     )
     return Gallery("spectra", "Spectra", about, pictures)
+
+
+def _square(picture: Picture) -> Picture:
+    """Give both frequencies, which reach as far, as many pixels."""
+    side = max(picture.shape[:2])
+    rows, columns = (np.arange(side) * n // side for n in picture.shape[:2])
+    return picture[rows[:, None], columns[None, :]]
 
 
 def _decibel(power: FloatArray) -> FloatArray:
