@@ -12,7 +12,7 @@ from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
 from .neighborhood import local_mean, similar_neighbors
 
-RISE = 4
+RISE = 2
 """Frame n of a surface counts in proportion to n^(RISE - 1): its reservoirs, too, know little at
 first. Noise of the first frames that stayed in the mean would be worse than no history."""
 

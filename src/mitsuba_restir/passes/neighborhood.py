@@ -1,4 +1,4 @@
-"""The 5x5 pixels around each pixel, as far as they lie in the image and look alike."""
+"""The 20 pixels around each pixel, as far as they lie in the image and look alike."""
 
 from __future__ import annotations
 
@@ -14,9 +14,15 @@ REACH = 2
 """Columns and rows on each side."""
 
 OFFSETS = [
-    (x, y) for y in range(-REACH, REACH + 1) for x in range(-REACH, REACH + 1) if (x, y) != (0, 0)
+    (x, y)
+    for y in range(-REACH, REACH + 1)
+    for x in range(-REACH, REACH + 1)
+    if 0 < x**2 + y**2 < 2 * REACH**2
 ]
-"""(columns, rows) from a pixel to each of its neighbours."""
+"""(columns, rows) from a pixel to each of its neighbours: 5x5 without centre and corners."""
+
+ADJACENT = sum(1 << i for i, (x, y) in enumerate(OFFSETS) if max(abs(x), abs(y)) == 1)
+"""Bits of the eight neighbours next to it."""
 
 
 def moved(pixel: Any, offset: tuple[int, int], width: Any) -> Any:

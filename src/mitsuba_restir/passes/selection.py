@@ -12,12 +12,12 @@ through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it 
 
     I_p = r_p + t_p,     t_p = -sum_d a(d) e_{p+d},     a(d) = exp(-|d|² / (4 sigma²)),
 
-the sum over the similar pixels of the 5x5 around (at whose corners a(d) is 0.14). Each pixel is
-visited once, in nine sets of pixels three apart that see one another's choices.
+the sum over the 20 pixels around, as far as they are similar (beyond them a(d) is below 0.14). Each
+pixel is visited once, in nine sets of pixels three apart that see one another's choices.
 
 Ours are the candidates, their mirror images and the bound: a choice that avoids outliers darkens
 the image, because outliers are bright. With mirror images it can go either way, and errors of more
-than :data:`LIMIT` times the local brightness of the history are taken for that, on either side.
+than :data:`LIMIT` times the local luminance of the history are taken for that, on either side.
 
 The choice depends on the values chosen from, so what is shown is biased. It is for display only:
 nothing of it gets into reservoirs or history.
@@ -34,7 +34,7 @@ import mitsuba as mi
 from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
 from ..sampling.streams import SELECTION, pass_stream, uniform2
-from .neighborhood import OFFSETS, counts, local_mean, moved, similar_neighbors
+from .neighborhood import ADJACENT, OFFSETS, counts, local_mean, moved, similar_neighbors
 from .spatial import PairEstimators
 
 SIGMA = 1.0
@@ -43,8 +43,9 @@ SIGMA = 1.0
 SPACING = 3
 """Pixels of a set are so far apart, beyond each other's reach."""
 
-LIMIT = 4.0
-"""Largest error that counts, relative to the mean luminance of the history around."""
+LIMIT = 3.5
+"""Largest error that counts, relative to the mean luminance of the history in 3x3 pixels. Where
+estimates have heavy tails, smaller ones make the image too bright, larger ones too dark."""
 
 
 def select(
@@ -80,7 +81,7 @@ def select(
     """
     width, height = (dr.opaque(mi.UInt32, n) for n in size)
     alike = similar_neighbors(hits, width, height)
-    limit = LIMIT * local_mean(target(reference), alike, width)
+    limit = LIMIT * local_mean(target(reference), alike & ADJACENT, width)
     error = bounded(mean - reference, limit)
     shown = dr.copy(mean)
     dr.eval(alike, limit, error, shown)

@@ -1,0 +1,366 @@
+"""Selection shows one of the pixel's own estimates, makes the error blue, and keeps the mean.
+
+The tests run the pass on made-up estimates of a wall, whose mean is known and whose frames are
+independent: thousands of frames' worth of pixels at little cost. Bounds of the bias are stated in
+``FIELDS``; the controls, each with a piece left out, must exceed them.
+"""
+
+from __future__ import annotations
+
+import gc
+import itertools
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from support import rooms
+from support.mutants import Mutation, apply
+
+from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
+from mitsuba_restir.passes import color_history, selection
+from mitsuba_restir.passes.color_history import ColorHistory, no_color_history, remember
+from mitsuba_restir.passes.neighborhood import OFFSETS, local_mean, similar_neighbors
+from mitsuba_restir.passes.primary import primary
+from mitsuba_restir.passes.reuse import similar
+from mitsuba_restir.passes.spatial import PairEstimators
+
+WIDTH, HEIGHT = 96, 64
+SIZE = (WIDTH, HEIGHT)
+PAIRS = 3
+WARMUP, FRAMES, BATCH = 70, 200, 20
+ERRORS = 5.0
+"""Standard errors between an estimated bias and its bound. With 10 batches of frames, a bias just
+at the bound would be taken for one beyond it once in 3,000 tests; seeds are fixed."""
+
+
+# --------------------------------- made-up frames -------------------------------------------------
+
+
+def hits_of(*shapes):
+    """Primary hits of a camera that looks at the wall z = 0 and what is in front of it."""
+    gc.collect()  # a scene that vanishes while a frame is recorded breaks the record
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "wall": {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale([10, 10, 1])},
+            **{f"shape_{i}": shape for i, shape in enumerate(shapes)},
+            "sensor": {
+                "type": "perspective",
+                "fov": 50,
+                "to_world": rooms.look([0, 0, 4], [0, 0, 0]),
+                "film": {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT},
+            },
+        }
+    )
+    first = dr.opaque(mi.UInt32, 0)
+    hits = primary(scene, scene.sensors()[0], first, first, None).hit
+    dr.make_opaque(hits)
+    return hits, scene
+
+
+@pytest.fixture
+def wall(rgb):
+    hits, scene = hits_of()
+    yield hits
+    del scene
+
+
+@pytest.fixture
+def edges(rgb):
+    """The wall, and a sheet in front of its left half."""
+    place = mi.ScalarTransform4f().translate([-1.5, 0, 1.5]).scale([1.5, 10, 1])
+    hits, scene = hits_of({"type": "rectangle", "to_world": place})
+    yield hits
+    del scene
+
+
+def color(values):
+    """``Color3f`` on the device from an array that broadcasts to (3, HEIGHT, WIDTH)."""
+    values = np.broadcast_to(values, (3, HEIGHT, WIDTH)).reshape(3, -1).astype(np.float32)
+    # The sum makes arrays of Dr.Jit's own; how NumPy's are aligned differs from call to call.
+    result = mi.Color3f([mi.Float(channel.copy()) for channel in values]) + dr.opaque(mi.Float, 0)
+    dr.eval(result)
+    return result
+
+
+def image(values):
+    """(HEIGHT, WIDTH, 3) array of a ``Color3f``."""
+    return np.stack([np.array(channel) for channel in values], axis=-1).reshape(HEIGHT, WIDTH, 3)
+
+
+def everywhere(count=PAIRS + 1):
+    valid = [dr.ones(mi.Bool, WIDTH * HEIGHT) for _ in range(count)]
+    dr.make_opaque(valid)
+    return valid
+
+
+def chosen(hits, mean, estimators, reference, sample=0):
+    frame = dr.opaque(mi.UInt32, sample), dr.opaque(mi.UInt32, 1)
+    return image(selection.select(mean, estimators, reference, hits, SIZE, *frame))
+
+
+def random_frame(shape=0.5, valid=None):
+    """Estimates (4, 3, HEIGHT, WIDTH), their mean and a history, of gamma noise around one."""
+    rng = np.random.default_rng(0)
+    values = rng.gamma(shape, 1 / shape, (PAIRS + 1, 3, HEIGHT, WIDTH)).astype(np.float32)
+    used = np.ones((PAIRS + 1, HEIGHT, WIDTH), bool) if valid is None else valid
+    values = np.where(used[:, None], values, 0)
+    reference = rng.gamma(20.0, 0.05, (3, HEIGHT, WIDTH)).astype(np.float32)
+    return values, values.sum(0) / used.sum(0), reference
+
+
+# --------------------------------- the choice -----------------------------------------------------
+
+
+def test_only_candidates_are_shown(wall):
+    valid = np.random.default_rng(1).random((PAIRS + 1, HEIGHT, WIDTH)) < 0.6
+    valid[0] = True
+    values, mean, reference = random_frame(valid=valid)
+    estimators = PairEstimators([color(v) for v in values], [mi.Bool(v.ravel()) for v in valid])
+    shown = chosen(wall, color(mean), estimators, color(reference))
+    pairs = valid.sum(0) - 1
+    options = [(mean, np.ones_like(valid[0]))]
+    for value, used in zip(values, valid, strict=True):
+        step = (mean - value) / np.maximum(pairs, 1)
+        options += [(mean + step, used & (pairs > 0)), (mean - step, used & (pairs > 0))]
+    # Convex combinations of estimates: nothing becomes negative.
+    assert all((option[:, used] >= -1e-6).all() for option, used in options)
+    distance = np.stack(
+        [
+            np.where(used, np.abs(option.transpose(1, 2, 0) - shown).max(-1), np.inf)
+            for option, used in options
+        ]
+    )
+    assert distance.min(0).max() < 1e-5
+    taken = np.bincount(distance.argmin(0).ravel(), minlength=len(options))
+    assert taken.min() > 100
+
+
+def test_every_choice_is_the_best_when_it_is_made(wall):
+    # For the pixels of the last set, whose neighbours have all chosen. No error is out of bounds.
+    values, mean, reference = random_frame(shape=4.0)
+    estimators = PairEstimators([color(v) for v in values], everywhere())
+    shown = chosen(wall, color(mean), estimators, color(reference), sample=5)
+    stream = selection.pass_stream(selection.SELECTION, 0, mi.UInt32(5), mi.UInt32(1))
+    order = selection.uniform2(stream, 0, 0)
+    pixel, inside = selection.pixels_of_set(dr.opaque(mi.UInt32, 8), order, SIZE)
+    last = np.array(pixel)[np.array(inside)]
+    wide = np.pad(shown - reference.transpose(1, 2, 0), ((2, 2), (2, 2), (0, 0)))
+    wanted = -sum(
+        np.exp(-(dx**2 + dy**2) / 4) * wide[2 + dy : 2 + dy + HEIGHT, 2 + dx : 2 + dx + WIDTH]
+        for dx, dy in itertools.product(range(-2, 3), repeat=2)
+        if 0 < dx**2 + dy**2 < 8
+    )
+
+    def cost(option):
+        error = option - reference.transpose(1, 2, 0)
+        return ((error - wanted) ** 2).sum(-1).ravel()[last]
+
+    own, plain = cost(shown), mean.transpose(1, 2, 0)
+    for value in values:
+        step = (plain - value.transpose(1, 2, 0)) / PAIRS
+        for option in (plain, plain + step, plain - step):
+            assert np.all(own <= cost(option) + 1e-3)
+    assert np.mean(own < cost(plain) - 1e-3) > 0.5
+
+
+def test_sets_cover_the_image_once(rgb):
+    for first, factor in itertools.product((0.0, 0.5, 0.99), np.linspace(0.0, 0.99, 6)):
+        visits = np.zeros(WIDTH * HEIGHT, int)
+        for index in range(selection.SPACING**2):
+            pixel, inside = selection.pixels_of_set(
+                mi.UInt32(index), (mi.Float(first), mi.Float(factor)), SIZE
+            )
+            visits[np.array(pixel)[np.array(inside)]] += 1
+        assert np.all(visits == 1)
+    # Pixels of one set do not see each other.
+    assert max(max(abs(x), abs(y)) for x, y in OFFSETS) < selection.SPACING
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_similar_neighbors_and_local_mean(edges, step):
+    width, height = (dr.opaque(mi.UInt32, n) for n in SIZE)
+    alike = similar_neighbors(edges, width, height, step)
+    bits = np.array(alike).reshape(HEIGHT, WIDTH)
+    values = np.random.default_rng(0).random((HEIGHT, WIDTH)).astype(np.float32)
+    means = np.array(local_mean(mi.Float(values.ravel()), alike, width, step))
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    total, count = values.astype(float), np.ones((HEIGHT, WIDTH))
+    for i, (dx, dy) in enumerate(OFFSETS):
+        there_x, there_y = x + step * dx, y + step * dy
+        inside = (there_x >= 0) & (there_x < WIDTH) & (there_y >= 0) & (there_y < HEIGHT)
+        index = np.where(inside, there_y * WIDTH + there_x, 0).ravel()
+        other = dr.gather(type(edges), edges, mi.UInt32(index))
+        expected = inside & np.array(similar(edges, other)).reshape(HEIGHT, WIDTH)
+        np.testing.assert_array_equal((bits >> i) & 1, expected)
+        total += np.where(expected, values.ravel()[index].reshape(HEIGHT, WIDTH), 0)
+        count += expected
+    np.testing.assert_allclose(means, (total / count).ravel(), rtol=1e-5)
+    assert count.min() < count.max() == len(OFFSETS) + 1
+
+
+def test_nothing_leaks_across_edges(edges):
+    # What the pixels of the sheet have does not change what is shown of the wall.
+    sheet = (np.array(edges.vertex.p.z) > 1).reshape(HEIGHT, WIDTH)
+    assert 0.2 < sheet.mean() < 0.8
+    shown = {}
+    for factor, changing in itertools.product((1.0, 50.0), (False, True)):
+        values, mean, reference = random_frame()
+        scale = np.where(sheet, factor, 1.0)
+        estimators = PairEstimators([color(v * scale) for v in values], everywhere())
+        past = color(reference * np.where(sheet, 3.0 * factor, 1.0))
+        if changing:
+            past = color_history.relit(past, color(mean * scale), edges, SIZE)
+        shown[factor, changing] = chosen(edges, color(mean * scale), estimators, past)
+    for changing in (False, True):
+        a, b = shown[1.0, changing], shown[50.0, changing]
+        np.testing.assert_array_equal(a[~sheet], b[~sheet])
+        assert np.any(a[sheet] != b[sheet])
+
+
+def test_without_history_the_plain_average_is_shown(wall):
+    values, mean, _ = random_frame()
+    estimators = PairEstimators([color(v) for v in values], everywhere())
+    for reference in (mean, np.zeros_like(mean)):
+        shown = chosen(wall, color(mean), estimators, color(reference))
+        np.testing.assert_array_equal(shown, mean.astype(np.float32).transpose(1, 2, 0))
+
+
+# --------------------------------- bias -----------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Field:
+    """Independent estimates, and the largest bias [relative to the mean] that is allowed."""
+
+    bound: float
+    lit: float = 1.0  # share of estimates that are not zero
+    shape: float = 2.0  # of the gamma distribution of those
+    darkness: float = 1.0  # mean on one side of the edges
+    speed: int = 0  # of the edges [pixels per frame]
+
+
+FIELDS = {
+    "smooth": Field(0.004),
+    "heavy tails": Field(0.03, lit=0.15, shape=1.0),
+    "shadow edge": Field(0.015, darkness=0.1),
+    "moving shadow edge": Field(0.23, darkness=0.1, speed=1),
+}
+
+
+def light(field, frame):
+    """Expectation of every pixel: a dark half with two vertical edges."""
+    start = field.speed * frame % WIDTH
+    dark = (np.arange(WIDTH) - start) % WIDTH < WIDTH // 2
+    return np.broadcast_to(np.where(dark, field.darkness, 1.0), (HEIGHT, WIDTH))
+
+
+def regions(field, frame):
+    """All pixels; the 8 columns that each edge has just passed, or 3 on each side of it."""
+    column = np.broadcast_to(np.arange(WIDTH), (HEIGHT, WIDTH))
+    found = [np.ones_like(column, bool)]
+    if field.darkness < 1.0:
+        reach = np.arange(-8, 0) if field.speed else np.arange(-3, 3)
+        edges = (field.speed * frame, field.speed * frame + WIDTH // 2)
+        found += [np.isin(column, (edge + reach) % WIDTH) for edge in edges]
+    return found
+
+
+def sequence(hits, field, fed_by_itself=False):
+    """Yield (frame, plain average, shown) of independent frames after the warm-up."""
+    rng = np.random.default_rng(0)
+
+    @dr.freeze
+    def step(hits, before, colors, valid, sample, seed):
+        mean = sum(colors[1:], colors[0]) / len(colors)
+        dr.eval(mean)
+        history = remember(before, mean)
+        dr.eval(history)
+        past = history.color
+        if field.speed:
+            past = color_history.relit(past, mean, hits, SIZE)
+        estimators = PairEstimators(colors, valid)
+        shown = selection.select(mean, estimators, past, hits, SIZE, sample, seed)
+        if fed_by_itself:
+            history = remember(before, shown)
+        dr.eval(history, shown)
+        return history, mean, shown
+
+    history = dr.gather(ColorHistory, no_color_history(), dr.zeros(mi.UInt32, WIDTH * HEIGHT))
+    valid, seed = everywhere(), dr.opaque(mi.UInt32, 0)
+    dr.make_opaque(history)
+    for frame in range(WARMUP + FRAMES):
+        shape = (PAIRS + 1, HEIGHT, WIDTH)
+        values = rng.gamma(field.shape, 1 / (field.shape * field.lit), shape)
+        values *= (rng.random(shape) < field.lit) * light(field, frame)
+        colors = [color(v) for v in values]
+        sample = dr.opaque(mi.UInt32, frame)
+        history, mean, shown = step(hits, history, colors, valid, sample, seed)
+        if frame >= WARMUP:
+            yield frame, image(mean)[..., 0], image(shown)[..., 0]
+
+
+def biases(hits, field, fed_by_itself=False):
+    """Relative bias and its standard error in every region."""
+    found = []
+    for frame, mean, shown in sequence(hits, field, fed_by_itself):
+        error = (shown - mean) / light(field, frame)
+        found.append([error[region].mean() for region in regions(field, frame)])
+    batches = np.reshape(found, (-1, BATCH, len(found[0]))).mean(1)
+    return batches.mean(0), batches.std(0, ddof=1) / np.sqrt(len(batches))
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_bias_is_bounded(wall, name):
+    bias, error = biases(wall, FIELDS[name])
+    print(name, np.round(100 * bias, 2), "+-", np.round(100 * error, 2), "%")
+    assert np.all(np.abs(bias) + ERRORS * error < FIELDS[name].bound)
+
+
+CONTROLS = {
+    "mirror images": ("heavy tails", Mutation(", (mean - step, valid & (pairs > 0))", "")),
+    "bound of errors": ("heavy tails", Mutation("LIMIT * local_mean(", "1e9 * local_mean(")),
+    "history of plain averages": ("heavy tails", None),
+    "brightness of the frame": (
+        "moving shadow edge",
+        Mutation("color * dr.select(before > 0, now / before, 0)", "mi.Color3f(color)"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLS)
+def test_control_of_the_bias(wall, monkeypatch, name):
+    field, mutation = CONTROLS[name]
+    if mutation is not None:
+        apply(monkeypatch, (mutation,))
+    bias, error = biases(wall, FIELDS[field], fed_by_itself=mutation is None)
+    print(name, np.round(100 * bias, 2), "+-", np.round(100 * error, 2), "%")
+    assert np.any(np.abs(bias) - ERRORS * error > FIELDS[field].bound)
+
+
+# --------------------------------- spectrum -------------------------------------------------------
+
+
+def low_powers(hits):
+    """Power in the low bands, relative to that of all frequencies: plain averages, shown."""
+    frames = [frame for _, *frame in sequence(hits, FIELDS["smooth"])]
+    spectra = [power_spectrum(np.stack(images) - 1) for images in zip(*frames, strict=True)]
+    return [band_power(spectrum, TABLE_BANDS) / spectrum.mean() for spectrum in spectra]
+
+
+def test_error_is_blue(wall):
+    plain, shown = low_powers(wall)
+    print(plain, shown)
+    np.testing.assert_allclose(plain, 1, atol=0.1)
+    assert np.all(shown < 0.6)
+
+
+def test_control_neighbors_unseen(wall, monkeypatch):
+    apply(
+        monkeypatch, (Mutation("-neighbors_error(error, around, pixel, width)", "mi.Color3f(0)"),)
+    )
+    _, shown = low_powers(wall)
+    print(shown)
+    assert np.all(shown > 0.9)
