@@ -101,6 +101,12 @@ def chosen(hits, mean, estimators, reference, sample=0):
     return image(selection.select(mean, estimators, reference, hits, SIZE, *frame))
 
 
+def pixels_of_set(index, order):
+    width, height = (mi.UInt32(n) for n in SIZE)
+    lanes = -(-WIDTH // selection.SPACING) * -(-HEIGHT // selection.SPACING)
+    return selection.pixels_of_set(mi.UInt32(index), order, lanes, width, height)
+
+
 def random_frame(shape=0.5, valid=None):
     """Estimates (4, 3, HEIGHT, WIDTH), their mean and a history, of gamma noise around one."""
     rng = np.random.default_rng(0)
@@ -145,7 +151,7 @@ def test_every_choice_is_the_best_when_it_is_made(wall):
     shown = chosen(wall, color(mean), estimators, color(reference), sample=5)
     stream = selection.pass_stream(selection.SELECTION, 0, mi.UInt32(5), mi.UInt32(1))
     order = selection.uniform2(stream, 0, 0)
-    pixel, inside = selection.pixels_of_set(dr.opaque(mi.UInt32, 8), order, SIZE)
+    pixel, inside = pixels_of_set(8, order)
     last = np.array(pixel)[np.array(inside)]
     wide = np.pad(shown - reference.transpose(1, 2, 0), ((2, 2), (2, 2), (0, 0)))
     wanted = -sum(
@@ -170,9 +176,7 @@ def test_sets_cover_the_image_once(rgb):
     for first, factor in itertools.product((0.0, 0.5, 0.99), np.linspace(0.0, 0.99, 6)):
         visits = np.zeros(WIDTH * HEIGHT, int)
         for index in range(selection.SPACING**2):
-            pixel, inside = selection.pixels_of_set(
-                mi.UInt32(index), (mi.Float(first), mi.Float(factor)), SIZE
-            )
+            pixel, inside = pixels_of_set(index, (mi.Float(first), mi.Float(factor)))
             visits[np.array(pixel)[np.array(inside)]] += 1
         assert np.all(visits == 1)
     # Pixels of one set do not see each other.

@@ -87,8 +87,9 @@ def select(
     dr.eval(alike, limit, error, shown)
 
     order = uniform2(pass_stream(SELECTION, 0, sample, seed), 0, 0)
+    lanes = math.prod(-(-n // SPACING) for n in size)
     for index in range(SPACING**2):
-        pixel, inside = pixels_of_set(dr.opaque(mi.UInt32, index), order, size)
+        pixel, inside = pixels_of_set(dr.opaque(mi.UInt32, index), order, lanes, width, height)
         own_limit = dr.gather(mi.Float, limit, pixel, inside)
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
         around = dr.gather(mi.UInt32, alike, pixel, inside)
@@ -96,7 +97,7 @@ def select(
         own_mean = dr.gather(mi.Color3f, mean, pixel, inside)
         own = dr.gather(PairEstimators, estimators, pixel, inside)
         best = own_mean
-        best_error = dr.gather(mi.Color3f, error, pixel, inside)
+        best_error = bounded(own_mean - expected, own_limit)
         best_distance = dr.squared_norm(best_error - wanted)
         for color, valid in candidates(own, own_mean):
             its_error = bounded(color - expected, own_limit)
@@ -143,7 +144,9 @@ def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:
     return total
 
 
-def pixels_of_set(index: Any, order: tuple[Any, Any], size: tuple[int, int]) -> tuple[Any, Any]:
+def pixels_of_set(
+    index: Any, order: tuple[Any, Any], lanes: int, width: Any, height: Any
+) -> tuple[Any, Any]:
     """The pixels whose turn it is.
 
     The sets take turns in an order that changes from frame to frame, or the same pixels would
@@ -155,6 +158,10 @@ def pixels_of_set(index: Any, order: tuple[Any, Any], size: tuple[int, int]) -> 
         Number of the turn, below ``SPACING**2``.
     order : (Float, Float)
         Two uniform random numbers. They choose one of the 54 orders i -> (factor i + first) mod 9.
+    lanes : int
+        Pixels of the largest set.
+    width, height : UInt32
+        Size of the image.
 
     Returns
     -------
@@ -168,10 +175,9 @@ def pixels_of_set(index: Any, order: tuple[Any, Any], size: tuple[int, int]) -> 
     # 1, 2, 4, 5, 7, 8: the factors that have no divisor in common with the number of sets.
     factor = choice + choice // (SPACING - 1) + 1
     number = (factor * index + first) % sets
-    columns, rows = (-(-n // SPACING) for n in size)
-    lane = dr.arange(mi.UInt32, columns * rows)
-    row = lane // dr.opaque(mi.UInt32, columns)
-    width, height = (dr.opaque(mi.UInt32, n) for n in size)
-    x = (lane - row * dr.opaque(mi.UInt32, columns)) * SPACING + number % SPACING
+    columns = (width + (SPACING - 1)) // SPACING
+    lane = dr.arange(mi.UInt32, lanes)
+    row = lane // columns
+    x = (lane - row * columns) * SPACING + number % SPACING
     y = row * SPACING + number // SPACING
     return y * width + x, (x < width) & (y < height)
