@@ -19,9 +19,9 @@ from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.analysis.spectrum import band_power, power_spectrum
 from mitsuba_restir.integrators import frame as frame_module
 from mitsuba_restir.passes import neighbors as neighbors_module
-from mitsuba_restir.passes.neighbors import SAMPLING, expected_confidence
+from mitsuba_restir.passes.neighbors import SAMPLING, expected_confidence, spatial
 from mitsuba_restir.passes.ranks import NOWHERE, Groups, rank_pixels, scattered_groups, turned
-from mitsuba_restir.passes.spatial import canonical_share, merge, pull, push
+from mitsuba_restir.passes.spatial import Pixels, canonical_share, merge, pull, push
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.sampling.dither import mask_texture
 from mitsuba_restir.sampling.masks import load_mask, void_and_cluster, white
@@ -384,3 +384,24 @@ def test_reservoirs_stay_valid(rgb, name, sampling):
 def test_bad_value_says_what_is_allowed(rgb):
     with pytest.raises(RuntimeError, match="random, blue_noise, white_noise, blocks, geometry"):
         mi.load_dict({"type": "restir_pt", "neighbor_sampling": "psychic"})
+
+
+@pytest.mark.parametrize("sampling", SAMPLING)
+def test_the_mean_of_the_pair_estimators_is_the_pixel(rgb, sampling):
+    """It is the colour shown, and its luminance the sum of the resampling weights."""
+    renderer = integrator(5, Mode({"temporal": False, "spatial": False}))
+    scene = references.CASES["room"].load()
+    renderer.render(scene, seed=3, spp=1)
+    before, number = renderer._history, mi.UInt32(5)
+    pixels = Pixels(scene, None, before.hits, 32, 32, 3, renderer._plan.mapping)
+    kind = SAMPLING[sampling]
+    merged, color, pairs, _ = spatial(
+        pixels, kind, kind.layout(6.0), before.reservoirs, number, number, number
+    )
+    used = np.stack([np.broadcast_to(np.array(valid), 32 * 32) for valid in pairs.valid])
+    values = np.stack([np.array(value) for value in pairs.colors])
+    assert len(values) == 4 and used.sum(0).max() == 4 and used[0].all()
+    mean = (values * used[:, None]).sum(0) / used.sum(0)
+    np.testing.assert_allclose(mean, np.array(color), rtol=1e-4, atol=1e-6)
+    weights = np.array(target(merged.color) * merged.weight)
+    np.testing.assert_allclose(weights, np.array(target(color)), rtol=1e-4, atol=1e-6)
