@@ -149,3 +149,40 @@ def test_biased_blocks_are_found() -> None:
     assert row.value.value > 0.06
     assert row.p_value is not None
     assert row.p_value < 1e-4
+
+
+def _timed(seconds: np.ndarray) -> list[Run]:
+    """Runs of which only the times (runs, frames) matter."""
+    image = np.ones((1, 1, 3), dtype=np.float32)
+    return [Run(image, image, times) for times in seconds]
+
+
+def test_intervals_of_times_hold_where_frames_of_a_run_are_alike() -> None:
+    """The load of the machine changes from run to run, by more than from frame to frame."""
+    rng = np.random.default_rng(6)
+    trials, hits, rejected = 200, np.zeros(4), 0
+    for _ in range(trials):
+        load = rng.lognormal(0.0, 0.05, (2, 6, 1)) * rng.lognormal(0.0, 0.02, (2, 6, 20))
+        runs = {name: _timed(0.01 * times) for name, times in zip("ab", load, strict=True)}
+        data = Measured("10x10", runs, "a", {"a": "a", "b": "a"}, None, 0.01, 0.0)
+        time, (rate, pixel) = _rows("time", data), list(_rows("speed", data).values())[:2]
+        ratio, p_value = time["b", "time of a frame"].ratio, time["b", "time of a frame"].p_value
+        assert ratio is not None
+        assert p_value is not None
+        found = (time["a", "time of a frame"].value, ratio, rate.value, pixel.value)
+        truth = (10.0, 1.0, 100.0, 1e5)
+        hits += [i.low <= t <= i.high for i, t in zip(found, truth, strict=True)]
+        rejected += p_value < 0.05
+    assert np.all(hits >= 0.92 * trials)
+    assert rejected < 0.09 * trials
+
+
+def test_the_time_of_a_single_run_has_no_interval() -> None:
+    runs = {"a": _timed(np.array([[1.0, 2.0, 4.0]])), "b": _timed(np.array([[2.0, 2.0, 2.0]]))}
+    data = Measured("1x1", runs, "a", {"a": "a", "b": "a"}, None, 0.01, 0.0)
+    row = _rows("time", data)["b", "time of a frame"]
+    assert row.value.value == 2000.0
+    assert row.ratio is not None
+    assert row.ratio.value == 1.0
+    assert np.isnan([row.value.low, row.ratio.low]).all()
+    assert row.p_value is None

@@ -255,8 +255,8 @@ def median_interval(values: ArrayLike, *, level: float = 0.95) -> Interval:
     Parameters
     ----------
     values : array_like, (n,)
-        Independent measurements, such as frame times. With fewer than 6 the interval at 95 % is
-        that of the extremes, whose coverage is smaller.
+        Independent measurements, which frames of one run are not. With fewer than 6 the interval at
+        95 % is that of the extremes, whose coverage is smaller.
     """
     a = np.sort(_runs(values).ravel())
     rank = int(stats.binom.ppf((1.0 - level) / 2.0, a.size, 0.5))

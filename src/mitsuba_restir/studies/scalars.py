@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from ..analysis import intervals, metrics
 from ..analysis.images import FloatArray
@@ -74,10 +73,26 @@ def reference_of(data: Measured) -> ReferenceImage:
     return data.reference
 
 
-def _times(data: Measured) -> dict[str, FloatArray]:
-    """Seconds of every measured frame of the variants that were rendered."""
-    found = {name: np.concatenate([r.times for r in runs]) for name, runs in data.runs.items()}
-    return {name: times for name, times in found.items() if times.size}
+def _times(data: Measured) -> dict[str, list[FloatArray]]:
+    """Seconds of the measured frames of every run, for the variants that were rendered."""
+    found = {
+        name: [run.times for run in runs if run.times.size] for name, runs in data.runs.items()
+    }
+    return {name: times for name, times in found.items() if times}
+
+
+def _median(runs: Sequence[FloatArray]) -> Interval:
+    """
+    Median over the frames of all runs, with Student's interval of the runs' medians.
+
+    Frames of one run are no independent measurements: they share the load of the machine.
+    """
+    value = float(np.median(np.concatenate(runs)))
+    if len(runs) < 2:
+        return lone(value)
+    spread = intervals.mean_interval([np.median(frames) for frames in runs])
+    half = spread.high - spread.value
+    return Interval(value, value - half, value + half, spread.standard_error)
 
 
 def frame_time(data: Measured) -> Iterator[Row]:
@@ -87,42 +102,38 @@ def frame_time(data: Measured) -> Iterator[Row]:
     Runs that were rendered at another time than the baseline's are no pairs.
     """
     for name, seconds in _times(data).items():
-        own = 1e3 * seconds
-        value = intervals.median_interval(own) if own.size > 1 else lone(float(own[0]))
+        value = _median([1e3 * frames for frames in seconds])
         ratio, p_value = None, None
-        pairs = _pairs_of_times(data, name)
-        if pairs is not None and pairs[0].size > 1:
-            # Frame by frame: both were rendered one after the other, under the same load.
-            ratio = intervals.median_interval(pairs[0] / pairs[1])
-            p_value = float(stats.binomtest(int(np.sum(pairs[0] > pairs[1])), pairs[0].size).pvalue)
+        if pairs := _ratios_of_times(data, name):
+            ratio = _median(pairs)
+            if len(pairs) > 1:
+                logarithms = [np.median(np.log(frames)) for frames in pairs]
+                p_value = intervals.paired_difference(logarithms, np.zeros(len(pairs))).p_value
         yield make_row(data, name, "time of a frame", "ms", value, ratio, p_value=p_value)
 
 
-def _pairs_of_times(data: Measured, name: str) -> tuple[FloatArray, FloatArray] | None:
-    """Times of a variant and of its baseline where both took turns; None for a baseline."""
+def _ratios_of_times(data: Measured, name: str) -> list[FloatArray]:
+    """
+    Times of a variant over its baseline's, frame by frame, of every run where both took turns.
+
+    Both frames of a pair were rendered one after the other, under the same load.
+    """
     other = data.baselines.get(name, data.baseline)
     if other == name:
-        return None
-    pairs = [
-        (own.times, base.times)
+        return []
+    return [
+        own.times / base.times
         for own, base in zip(data.runs[name], data.runs.get(other, ()), strict=False)
-        if own.session == base.session and own.times.size == base.times.size
+        if own.session == base.session and own.times.size == base.times.size > 0
     ]
-    if not pairs:
-        return None
-    own, base = zip(*pairs, strict=True)
-    return np.concatenate(own), np.concatenate(base)
 
 
 def speed(data: Measured) -> Iterator[Row]:
     """Frames per second and time per pixel, from the median time of a frame."""
-    for name, times in _times(data).items():
-        seconds = intervals.median_interval(times) if times.size > 1 else lone(float(times[0]))
-        error = seconds.standard_error / seconds.value**2
-        rate = Interval(1.0 / seconds.value, 1.0 / seconds.high, 1.0 / seconds.low, error)
+    for name, seconds in _times(data).items():
+        rate = _median([1.0 / frames for frames in seconds])
         yield make_row(data, name, "frames per second", "", rate, None)
-        ends = (seconds.value, seconds.low, seconds.high, seconds.standard_error)
-        per_pixel = Interval(*(1e9 * end / data.pixels for end in ends))
+        per_pixel = _median([1e9 * frames / data.pixels for frames in seconds])
         yield make_row(data, name, "time of a pixel", "ns", per_pixel, None)
 
 
