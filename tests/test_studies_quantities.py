@@ -151,6 +151,28 @@ def test_biased_blocks_are_found() -> None:
     assert row.p_value < 1e-4
 
 
+def _blocks_off(reference: ReferenceImage, images: np.ndarray) -> tuple[float, float | None]:
+    """Share of the blocks that are off, and the p-value of all together."""
+    (row,) = _rows("block_bias", _data({"a": _grey(images)}, reference)).values()
+    return row.value.value, row.p_value
+
+
+@pytest.mark.parametrize("sigma", [0.0, 3.0])
+def test_blocks_know_the_reference_before_it_was_smoothed(sigma: float) -> None:
+    """Smoothing correlates the reference's pixels: its blocks err more than they seem to."""
+    rng = np.random.default_rng(7)
+    shares, p_values = [], []
+    for _ in range(20):
+        noisy = _grey(1.0 + 0.2 * rng.standard_normal(SHAPE))
+        reference = smooth(ReferenceImage(noisy, np.full_like(noisy, 0.04)), sigma)
+        images = 1.0 + 0.2 * rng.standard_normal((8, 1, *SHAPE))
+        share, p_value = _blocks_off(reference, images)
+        shares.append(share)
+        p_values.append(p_value)
+    assert np.mean(shares) == pytest.approx(0.05, abs=0.01)
+    assert np.median(np.array(p_values, dtype=float)) > 0.2
+
+
 def _timed(seconds: np.ndarray) -> list[Run]:
     """Runs of which only the times (runs, frames) matter."""
     image = np.ones((1, 1, 3), dtype=np.float32)

@@ -57,7 +57,8 @@ def mean_test(
         The expectation, or an independent estimate of it.
     reference_variance : array_like
         Variance of each value of the reference (of its mean), or a number. Pixels of the reference
-        are taken as independent, as those of a path tracer with a box filter are.
+        are taken as independent, as those of a path tracer with a box filter are: give a reference
+        that is smoothed for other ends as it was before.
     block : int or None
         Side of a unit in pixels; 1 tests pixels, None the mean of each channel.
     alpha : float

@@ -33,7 +33,7 @@ def block_biases(data: Measured) -> Iterator[Row]:
     Of blocks without a bias 5 % differ. The test's p-value is that of the most different block,
     corrected for their number: heavy tails make it small as well.
     """
-    reference = reference_of(data)
+    reference = reference_of(data).unsmoothed
     for name, runs in data.runs.items():
         if len(runs) < _LEAST_RUNS:
             continue

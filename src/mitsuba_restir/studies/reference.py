@@ -57,7 +57,7 @@ def smooth(reference: ReferenceImage, sigma: float) -> ReferenceImage:
     impulse[impulse.shape[0] // 2, impulse.shape[1] // 2] = 1.0
     weights = ndimage.gaussian_filter(impulse, sigma)
     variance = _blur(reference.variance, sigma / np.sqrt(2.0)) * float(np.sum(weights**2))
-    return ReferenceImage(image, variance, sigma)
+    return ReferenceImage(image, variance, sigma, reference)
 
 
 def _blur(image: npt.NDArray[np.float64], sigma: float) -> npt.NDArray[np.float64]:

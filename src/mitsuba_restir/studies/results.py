@@ -55,11 +55,19 @@ class ReferenceImage:
         Mean, and variance of the mean (zero where unknown).
     smooth : float
         Standard deviation in pixels of the Gaussian that both have been smoothed by.
+    sharp : ReferenceImage or None
+        What was smoothed. Its pixels err independently, as sums over pixels have to know.
     """
 
     image: npt.NDArray[np.float64]
     variance: npt.NDArray[np.float64]
     smooth: float = 0.0
+    sharp: ReferenceImage | None = None
+
+    @property
+    def unsmoothed(self) -> ReferenceImage:
+        """The reference before it was smoothed."""
+        return self.sharp or self
 
     @cached_property
     def luminance(self) -> FloatArray:

@@ -126,7 +126,7 @@ def galleries(data: Measured, shown: Shown) -> list[Gallery]:
         found += [
             _errors(shown),
             _seen_errors(shown),
-            _bias(shown, data.reference),
+            _bias(shown, data.reference.unsmoothed),
             _covariances(shown, data.reference),
         ]
     return [gallery for gallery in found if gallery.pictures]
