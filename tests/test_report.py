@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ about = "First.\\n\\nThen <b>more</b>."
 scene = "ajar"
 sizes = ["64x40"]
 frames = 3
-runs = 4
+runs = 6
 keep = "all"
 seed = 5
 quantities = ["rmse", "relmse_trimmed", "covariance", "equal_time", "time"]
@@ -105,6 +106,13 @@ def test_the_headline_says_what_is_sure() -> None:
     assert cells["b"] is not None
     assert cells["b"].ratio == "-20.0 % (-30.0 … -10.0)"
     assert cells["b"].published == "0.75"
+
+
+def test_the_headline_colours_nothing_that_its_p_value_does_not() -> None:
+    ratio = Interval(0.8, 0.7, 0.9, 0.0)
+    rows = [replace(_row(name, 0.8, ratio), p_value=p) for name, p in (("a", 0.125), ("b", 0.03))]
+    cells = [cells[0] for cells in headline(rows, "8x8", {}).lines.values()]
+    assert [cell.verdict for cell in cells if cell] == ["", "better"]
 
 
 def test_numbers_are_written_as_short_as_they_can_be() -> None:

@@ -37,6 +37,7 @@ _COLUMNS: tuple[tuple[str, str, bool | None], ...] = (
 
 # A ratio whose interval spans more than this factor says nothing.
 _WIDEST = 20.0
+_LEVEL = 0.05
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Cell:
     ratio : str
         Change against the variant's baseline, with its interval; empty without one.
     verdict : str
-        "better" or "worse" where the whole interval says so, else "".
+        "better" or "worse" where the whole interval and the test say so, else "".
     published : str
         The value of others; empty without one.
     """
@@ -101,11 +102,17 @@ def _cell(row: Row | None, less_is_better: bool | None, published: float | None)
     ratio, verdict = "", ""
     if row.ratio is not None:
         ratio = percent(row.ratio)
-        if is_clear(row.ratio) and (row.ratio.high < 1.0 or row.ratio.low > 1.0):
+        if _is_sure(row.ratio, row.p_value):
             verdict = "better" if (row.ratio.high < 1.0) == less_is_better else "worse"
     elif not less_is_better and (row.value.high < 1.0 or row.value.low > 1.0):
         verdict = "better" if row.value.low > 1.0 else "worse"
     return Cell(f"{short(row.value.value)}{unit}", ends(row.value), ratio, verdict, other)
+
+
+def _is_sure(ratio: Interval, p_value: float | None) -> bool:
+    """Say whether a ratio is not 1, by its interval and, where there is one, by its test."""
+    apart = ratio.high < 1.0 or ratio.low > 1.0
+    return is_clear(ratio) and apart and (p_value is None or p_value < _LEVEL)
 
 
 def is_clear(ratio: Interval) -> bool:

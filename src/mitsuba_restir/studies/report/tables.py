@@ -39,7 +39,7 @@ def headline_table(table: Headline, baselines: Mapping[str, str]) -> str:
         '<p class="legend">Under each value its 95 % interval over independent runs, and the '
         "change against the baseline on the same runs; "
         '<span class="better">better</span> or <span class="worse">worse</span> where the whole '
-        "interval is on one side.</p>"
+        "interval is on one side and p is below 0.05, which by sign flips takes 6 runs.</p>"
     )
 
 
