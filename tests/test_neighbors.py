@@ -400,7 +400,8 @@ def test_the_mean_of_the_pair_estimators_is_the_pixel(rgb, sampling):
     )
     used = np.stack([np.broadcast_to(np.array(valid), 32 * 32) for valid in pairs.valid])
     values = np.stack([np.array(value) for value in pairs.colors])
-    assert len(values) == 4 and used.sum(0).max() == 4 and used[0].all()
+    assert used[0].all()
+    assert used.sum(0).max() == len(values) == 4
     mean = (values * used[:, None]).sum(0) / used.sum(0)
     np.testing.assert_allclose(mean, np.array(color), rtol=1e-4, atol=1e-6)
     weights = np.array(target(merged.color) * merged.weight)

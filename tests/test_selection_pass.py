@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from scipy import stats
 from support import rooms
 from support.mutants import Mutation, apply
 
@@ -29,10 +30,11 @@ from mitsuba_restir.passes.spatial import PairEstimators
 WIDTH, HEIGHT = 96, 64
 SIZE = (WIDTH, HEIGHT)
 PAIRS = 3
-WARMUP, FRAMES, BATCH = 70, 200, 20
+WARMUP, FRAMES, BATCH = 70, 300, 60
 ERRORS = 5.0
-"""Standard errors between an estimated bias and its bound. With 10 batches of frames, a bias just
-at the bound would be taken for one beyond it once in 3,000 tests; seeds are fixed."""
+"""Standard errors between an estimated bias and its bound, by 5 batches of frames that are about as
+long as the history's memory: on either side of the bound a bias just at it would be missed once in
+270 tests. Seeds are fixed."""
 
 
 # --------------------------------- made-up frames -------------------------------------------------
@@ -130,7 +132,7 @@ def test_only_candidates_are_shown(wall):
     options = [(mean, np.ones_like(valid[0]))]
     for value, used in zip(values, valid, strict=True):
         step = (mean - value) / np.maximum(pairs, 1)
-        options += [(mean + step, used & (pairs > 0)), (mean - step, used & (pairs > 0))]
+        options += [(mean + step, used & (pairs > 1)), (mean - step, used & (pairs > 1))]
     # Convex combinations of estimates: nothing becomes negative.
     assert all((option[:, used] >= -1e-6).all() for option, used in options)
     distance = np.stack(
@@ -242,6 +244,9 @@ class Field:
     bound: float
     lit: float = 1.0  # share of estimates that are not zero
     shape: float = 2.0  # of the gamma distribution of those
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ranked: bool = False  # each neighbour's estimate is from a stratum of its own
+    paired: float = 1.0  # share of neighbours that are valid
     darkness: float = 1.0  # mean on one side of the edges
     speed: int = 0  # of the edges [pixels per frame]
 
@@ -249,8 +254,13 @@ class Field:
 FIELDS = {
     "smooth": Field(0.004),
     "heavy tails": Field(0.03, lit=0.15, shape=1.0),
+    "heavier tails": Field(0.05, lit=0.15, shape=0.3),
+    "heavy tails, ranked": Field(0.03, lit=0.15, shape=1.0, ranked=True),
+    "heavy tails, blue": Field(0.03, lit=0.15, shape=1.0, tint=(0.05, 0.05, 1.0)),
+    "heavy tails, few pairs": Field(0.05, lit=0.15, shape=1.0, paired=0.6),
     "shadow edge": Field(0.015, darkness=0.1),
-    "moving shadow edge": Field(0.23, darkness=0.1, speed=1),
+    "moving shadow edge": Field(0.05, darkness=0.1, speed=1),
+    "moving shadow edge, heavy tails": Field(0.35, lit=0.15, shape=1.0, darkness=0.1, speed=1),
 }
 
 
@@ -278,8 +288,11 @@ def sequence(hits, field, fed_by_itself=False):
 
     @dr.freeze
     def step(hits, before, colors, valid, sample, seed):
-        mean = sum(colors[1:], colors[0]) / len(colors)
+        mean = sum(colors[1:], colors[0]) / sum(dr.select(v, mi.Float(1), 0) for v in valid)
         dr.eval(mean)
+        if field.speed:
+            past = color_history.clamped(before.color, mean, hits, SIZE)
+            before = ColorHistory(past, before.frames)
         history = remember(before, mean)
         dr.eval(history)
         past = history.color
@@ -293,25 +306,36 @@ def sequence(hits, field, fed_by_itself=False):
         return history, mean, shown
 
     history = dr.gather(ColorHistory, no_color_history(), dr.zeros(mi.UInt32, WIDTH * HEIGHT))
-    valid, seed = everywhere(), dr.opaque(mi.UInt32, 0)
+    seed = dr.opaque(mi.UInt32, 0)
     dr.make_opaque(history)
     for frame in range(WARMUP + FRAMES):
-        shape = (PAIRS + 1, HEIGHT, WIDTH)
-        values = rng.gamma(field.shape, 1 / (field.shape * field.lit), shape)
-        values *= (rng.random(shape) < field.lit) * light(field, frame)
-        colors = [color(v) for v in values]
+        values, used = estimates(rng, field)
+        bright = np.multiply.outer(field.tint, light(field, frame))
+        colors = [color(v * bright) for v in values]
+        valid = [mi.Bool(v.ravel()) for v in used]
         sample = dr.opaque(mi.UInt32, frame)
         history, mean, shown = step(hits, history, colors, valid, sample, seed)
         if frame >= WARMUP:
-            yield frame, image(mean)[..., 0], image(shown)[..., 0]
+            yield frame, *(np.mean(image(x) / bright.transpose(1, 2, 0), 2) for x in (mean, shown))
+
+
+def estimates(rng, field):
+    """Estimates of mean 1 (4, HEIGHT, WIDTH), zero where they are not valid; which are valid."""
+    uniform = rng.random((PAIRS + 1, HEIGHT, WIDTH))
+    if field.ranked:
+        uniform[1:] = (np.arange(PAIRS)[:, None, None] + uniform[1:]) / PAIRS
+    bright = np.clip((uniform - (1 - field.lit)) / field.lit, 0, None)
+    values = stats.gamma.ppf(bright, field.shape) / (field.shape * field.lit)
+    valid = rng.random(values.shape) < field.paired
+    valid[0] = True
+    return values * valid, valid
 
 
 def biases(hits, field, fed_by_itself=False):
     """Relative bias and its standard error in every region."""
     found = []
     for frame, mean, shown in sequence(hits, field, fed_by_itself):
-        error = (shown - mean) / light(field, frame)
-        found.append([error[region].mean() for region in regions(field, frame)])
+        found.append([(shown - mean)[region].mean() for region in regions(field, frame)])
     batches = np.reshape(found, (-1, BATCH, len(found[0]))).mean(1)
     return batches.mean(0), batches.std(0, ddof=1) / np.sqrt(len(batches))
 
@@ -324,12 +348,16 @@ def test_bias_is_bounded(wall, name):
 
 
 CONTROLS = {
-    "mirror images": ("heavy tails", Mutation(", (mean - step, valid & (pairs > 0))", "")),
+    "mirror images": ("heavy tails", Mutation(", (mean - step, valid & (pairs > 1))", "")),
     "bound of errors": ("heavy tails", Mutation("LIMIT * local_mean(", "1e9 * local_mean(")),
     "history of plain averages": ("heavy tails", None),
     "brightness of the frame": (
         "moving shadow edge",
         Mutation("color * dr.select(before > 0, now / before, 0)", "mi.Color3f(color)"),
+    ),
+    "clamp to the frame": (
+        "moving shadow edge",
+        Mutation("dr.clip(color, centre - deviation, centre + deviation)", "mi.Color3f(color)"),
     ),
 }
 
@@ -348,17 +376,18 @@ def test_control_of_the_bias(wall, monkeypatch, name):
 
 
 def low_powers(hits):
-    """Power in the low bands, relative to that of all frequencies: plain averages, shown."""
+    """Power in the low bands of plain averages and of what is shown, relative to white noise's."""
     frames = [frame for _, *frame in sequence(hits, FIELDS["smooth"])]
-    spectra = [power_spectrum(np.stack(images) - 1) for images in zip(*frames, strict=True)]
-    return [band_power(spectrum, TABLE_BANDS) / spectrum.mean() for spectrum in spectra]
+    plain, shown = (np.stack(images) - 1 for images in zip(*frames, strict=True))
+    assert shown.std() < 1.05 * plain.std()
+    return [band_power(power_spectrum(e), TABLE_BANDS) / plain.var() for e in (plain, shown)]
 
 
 def test_error_is_blue(wall):
     plain, shown = low_powers(wall)
     print(plain, shown)
     np.testing.assert_allclose(plain, 1, atol=0.1)
-    assert np.all(shown < 0.6)
+    assert np.all(shown < 0.1)
 
 
 def test_control_neighbors_unseen(wall, monkeypatch):
@@ -367,4 +396,4 @@ def test_control_neighbors_unseen(wall, monkeypatch):
     )
     _, shown = low_powers(wall)
     print(shown)
-    assert np.all(shown > 0.9)
+    assert np.all(shown > 0.1)

@@ -11,7 +11,7 @@ import mitsuba as mi
 
 from ..passes.alternate import decorrelate_alternating
 from ..passes.blue_noise_rule import mutate_by_rule
-from ..passes.color_history import ColorHistory, no_color_history, relit, remember
+from ..passes.color_history import ColorHistory, clamped, no_color_history, relit, remember
 from ..passes.decorrelate import Mutated, metropolis_hastings
 from ..passes.initial import initial
 from ..passes.neighbors import SAMPLING, spatial
@@ -287,12 +287,15 @@ def share_paths(
 
     colors = None
     if sampled.colors is not None:
-        colors = remember(sampled.colors, color)
-        dr.eval(colors)
-        size, past = (plan.width, plan.height), colors.color
+        size, before = (plan.width, plan.height), sampled.colors
         if parameters.retrace_history:
-            past = relit(past, color, now.hit, size)
-        color = select(color, pairs, past, now.hit, size, sample, seed)
+            before = replace(before, color=clamped(before.color, color, now.hit, size))
+        colors = remember(before, color)
+        dr.eval(colors)
+        reference = colors.color
+        if parameters.retrace_history:
+            reference = relit(reference, color, now.hit, size)
+        color = select(color, pairs, reference, now.hit, size, sample, seed)
 
     color += now.emitted
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)

@@ -12,12 +12,8 @@ from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
 from .neighborhood import local_mean, similar_neighbors
 
-RISE = 2
-"""Frame n of a surface counts in proportion to n^(RISE - 1): its reservoirs, too, know little at
-first. Noise of the first frames that stayed in the mean would be worse than no history."""
-
 MEMORY = 64
-"""Frames after which the mean becomes exponential, with a share of RISE / MEMORY for the newest."""
+"""Frames after which the newest's share stays as it is then, and the mean becomes exponential."""
 
 
 @dataclass
@@ -40,6 +36,9 @@ def no_color_history() -> ColorHistory:
 def remember(before: ColorHistory, mean: Any) -> ColorHistory:
     """The colour history with this frame in it.
 
+    Frame n of a surface counts in proportion to n: its reservoirs, too, know little at first, and
+    noise of the first frames that stayed in the mean would be worse than no history.
+
     Parameters
     ----------
     before : ColorHistory
@@ -49,14 +48,34 @@ def remember(before: ColorHistory, mean: Any) -> ColorHistory:
         here: the history would follow its own choices.
     """
     frames = dr.minimum(before.frames + 1, MEMORY)
-    return ColorHistory(dr.lerp(before.color, mean, dr.minimum(RISE / frames, 1)), frames)
+    return ColorHistory(dr.lerp(before.color, mean, 2 / (frames + 1)), frames)
+
+
+def clamped(color: Any, mean: Any, hits: PrimaryHit, size: tuple[int, int]) -> Any:
+    """The history, within one standard deviation of the current frame around each pixel.
+
+    Behind the edge of a shadow that moves, it forgets where the edge was. Channel by channel, over
+    similar pixels; the usual clamp of temporal antialiasing.
+
+    Parameters
+    ----------
+    color, mean : Color3f
+        Colour history and this frame's plain average.
+    size : (int, int)
+        Width and height in pixels.
+    """
+    width, height = (dr.opaque(mi.UInt32, n) for n in size)
+    alike = similar_neighbors(hits, width, height)
+    centre, square = (local_mean(x, alike, width) for x in (mean, mean * mean))
+    deviation = dr.sqrt(dr.maximum(square - centre * centre, 0))
+    return dr.clip(color, centre - deviation, centre + deviation)
 
 
 def relit(color: Any, mean: Any, hits: PrimaryHit, size: tuple[int, int]) -> Any:
     """The history, made as bright as the current frame around each pixel.
 
     Where the light changes, the history tells where it was. Multiplied by the ratio of local means
-    of luminance (of similar pixels; standard deviation 3.2 pixels) it keeps its detail and takes
+    of luminance (of similar pixels; standard deviation 2.8 pixels) it keeps its detail and takes
     the brightness of the frame; so also the frame's noise of lower frequencies.
 
     Parameters

@@ -67,20 +67,21 @@ def counts(alike: Any, neighbor: int) -> Any:
 
 
 def local_mean(values: Any, alike: Any, width: Any, step: int = 1) -> Any:
-    """Mean over every pixel and the neighbours that count (``Float``).
+    """Mean over every pixel and the neighbours that count, of the same type as ``values``.
 
     Parameters
     ----------
-    values : Float
+    values : Float or Color3f
         Of all pixels, row-major.
     alike : UInt32
         Result of :func:`similar_neighbors` with the same ``step``.
     """
     dr.eval(values)
+    kind = type(values)
     pixel = dr.arange(mi.UInt32, dr.width(values))
-    total, number = mi.Float(values), mi.Float(1)
+    total, number = kind(values), mi.Float(1)
     for i, (dx, dy) in enumerate(OFFSETS):
         active = counts(alike, i)
-        total += dr.gather(mi.Float, values, moved(pixel, (step * dx, step * dy), width), active)
+        total += dr.gather(kind, values, moved(pixel, (step * dx, step * dy), width), active)
         number += dr.select(active, mi.Float(1), 0)
     return total / number

@@ -42,7 +42,7 @@ CELLS = 8
 
 SPREAD = 1.35
 """Side of a block relative to the radius of reuse. In the mean square, two random points of a block
-are as far apart as the centre and a random point of a disk with 0.82 times its side as radius."""
+are then 1.1 times as far apart as the centre and a random point of a disk with the radius."""
 
 # Blocks of the round's stream; its vertices number the blocks' cells, or the purposes below.
 _CELLS, _COMMON = 2, 3

@@ -6,7 +6,8 @@ m = (g_0 + ... + g_k) / (k + 1); its candidates are m and, for every j,
 
     m + (m - g_j) / k     (the mean without g_j)  and its mirror image     m - (m - g_j) / k,
 
-convex combinations of the g with fixed weights, so that each has the pixel's expectation. With
+convex combinations of the g with fixed weights. Where the g have the pixel's expectation, so have
+they (by rank only m has it, see :mod:`mitsuba_restir.passes.ranks`: g_j is from stratum j). With
 errors e_q = I_q - r_q against the colour history r, the energy of an image I is the error seen
 through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it is least nearest to
 
@@ -15,9 +16,10 @@ through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it 
 the sum over the 20 pixels around, as far as they are similar (beyond them a(d) is below 0.14). Each
 pixel is visited once, in nine sets of pixels three apart that see one another's choices.
 
-Ours are the candidates, their mirror images and the bound: a choice that avoids outliers darkens
+Ours are the mirror images and the bound: a choice that avoids outliers darkens
 the image, because outliers are bright. With mirror images it can go either way, and errors of more
-than :data:`LIMIT` times the local luminance of the history are taken for that, on either side.
+than :data:`LIMIT` times the history around are taken for that, on either side. Pixels with a single
+pair, whose candidates would be its two estimates, show their mean.
 
 The choice depends on the values chosen from, so what is shown is biased. It is for display only:
 nothing of it gets into reservoirs or history.
@@ -32,7 +34,6 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
-from ..paths.spectrum import target
 from ..sampling.streams import SELECTION, pass_stream, uniform2
 from .neighborhood import ADJACENT, OFFSETS, counts, local_mean, moved, similar_neighbors
 from .spatial import PairEstimators
@@ -44,8 +45,9 @@ SPACING = 3
 """Pixels of a set are so far apart, beyond each other's reach."""
 
 LIMIT = 3.5
-"""Largest error that counts, relative to the mean luminance of the history in 3x3 pixels. Where
-estimates have heavy tails, smaller ones make the image too bright, larger ones too dark."""
+"""Largest error that counts, channel by channel, relative to the mean of the history in 3x3 pixels.
+Where estimates have heavy tails, half of it makes the image too bright, twice of it too dark; with
+it the sign depends on the tail (gamma-distributed ones: -2 to +4 %)."""
 
 
 def select(
@@ -81,7 +83,7 @@ def select(
     """
     width, height = (dr.opaque(mi.UInt32, n) for n in size)
     alike = similar_neighbors(hits, width, height)
-    limit = LIMIT * local_mean(target(reference), alike & ADJACENT, width)
+    limit = LIMIT * local_mean(reference, alike & ADJACENT, width)
     error = bounded(mean - reference, limit)
     shown = dr.copy(mean)
     dr.eval(alike, limit, error, shown)
@@ -90,7 +92,7 @@ def select(
     lanes = math.prod(-(-n // SPACING) for n in size)
     for index in range(SPACING**2):
         pixel, inside = pixels_of_set(dr.opaque(mi.UInt32, index), order, lanes, width, height)
-        own_limit = dr.gather(mi.Float, limit, pixel, inside)
+        own_limit = dr.gather(mi.Color3f, limit, pixel, inside)
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
         around = dr.gather(mi.UInt32, alike, pixel, inside)
         wanted = -neighbors_error(error, around, pixel, width)
@@ -118,13 +120,13 @@ def candidates(estimators: PairEstimators, mean: Any) -> list[tuple[Any, Any]]:
     found = []
     for color, valid in zip(estimators.colors, estimators.valid, strict=True):
         step = (mean - color) / dr.maximum(pairs, 1)
-        found += [(mean + step, valid & (pairs > 0)), (mean - step, valid & (pairs > 0))]
+        found += [(mean + step, valid & (pairs > 1)), (mean - step, valid & (pairs > 1))]
     return found
 
 
 def bounded(error: Any, limit: Any) -> Any:
     """An error, channel by channel within +-``limit``."""
-    return mi.Color3f([dr.clip(channel, -limit, limit) for channel in error])
+    return dr.clip(error, -limit, limit)
 
 
 def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:

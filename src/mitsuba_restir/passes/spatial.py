@@ -9,8 +9,9 @@ and the pixel is the plain mean of the V + 1 estimators that the pairs and the c
 
     g_0 = F(x) W,     g_i = m_i F(y_i) W_i J_i + m_{c,i} F(x) W.
 
-Each has the expectation of the pixel. Their luminance sums to that of the selected sample, so
-shading by the mean of the g (vector weights) changes colour noise only.
+Each has the expectation of the pixel; where neighbours go by rank, their mean has. Their luminance
+sums to that of the selected sample, so shading by the mean of the g (vector weights) changes colour
+noise only.
 
 The two halves of a pair are two shifts: the neighbour's path to the pixel, for y_i, and the
 pixel's path to the neighbour, for m_{c,i}. Who is whose neighbour, and how few shifts that takes,
@@ -82,9 +83,8 @@ class Pulled:
 class PairEstimators:
     """The k + 1 estimators of every pixel's colour whose mean spatial reuse shows.
 
-    Fields: ``colors`` (list of ``Color3f``: g_0 = F(x) W, then the g_i of the neighbours, each
-    with the expectation of the pixel), ``valid`` (list of ``Bool``: the pixel has that estimator,
-    g_0 everywhere).
+    Fields: ``colors`` (list of ``Color3f``: g_0 = F(x) W, then the g_i of the neighbours),
+    ``valid`` (list of ``Bool``: the pixel has that estimator, g_0 everywhere).
     """
 
     colors: list[Any]
