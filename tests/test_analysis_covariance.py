@@ -45,7 +45,7 @@ def field() -> tuple[np.ndarray, np.ndarray]:
 
 def test_against_brute_force(field: tuple[np.ndarray, np.ndarray]) -> None:
     runs, reference = field
-    found = covariance.relative_covariance(runs, reference, radius=RADIUS, resamples=50)
+    found = covariance.relative_covariance(runs, reference, radius=RADIUS)
     without, including = _brute_force(runs, reference, RADIUS)
     assert found.covariance.value == pytest.approx(without, rel=1e-10)
     assert found.with_self.value == pytest.approx(including, rel=1e-10)
@@ -80,23 +80,32 @@ def test_images_against_numpy(field: tuple[np.ndarray, np.ndarray]) -> None:
             ]
             assert lags[RADIUS + dy, RADIUS + dx] == pytest.approx(np.mean(pairs), rel=1e-9)
     window = covariance_images.covariance_map(runs, reference, radius=RADIUS)
-    total = covariance.relative_covariance(runs, reference, radius=RADIUS, resamples=10)
+    total = covariance.relative_covariance(runs, reference, radius=RADIUS)
     assert window.mean() == pytest.approx(total.covariance.value, rel=1e-10)
     corner = full[0, 0, : RADIUS + 1, : RADIUS + 1].sum() - full[0, 0, 0, 0]
     assert window[0, 0] == pytest.approx(corner / ((RADIUS + 1) ** 2 - 1), rel=1e-9)
 
 
-def test_bootstrap_resamples_whole_runs(field: tuple[np.ndarray, np.ndarray]) -> None:
-    """A resample's covariance from inner products is that of the resampled images themselves."""
+def test_leaving_a_run_out_is_exact(field: tuple[np.ndarray, np.ndarray]) -> None:
+    """From the inner products of all runs as from the images of all but one."""
     runs, reference = field
     products = covariance_products.run_products([runs], reference, radius=RADIUS)
-    counts = np.array([2, 0, 1, 1, 0, 2])
-    drawn = np.repeat(runs, counts, axis=0)
-    expected = covariance.relative_covariance(drawn, reference, radius=RADIUS, resamples=10)
-    found = products.draws(counts[None].astype(float))
-    assert found[0][0] == pytest.approx(expected.covariance.value, rel=1e-9)
-    assert found[1][0] == pytest.approx(expected.with_self.value, rel=1e-9)
-    assert found[2][0] == pytest.approx(expected.variance.value, rel=1e-9)
+    for term, name in (("window_term", "covariance"), ("self_term", "variance")):
+        found = covariance_products.jackknife_of(getattr(products, term))
+        others = [
+            covariance.relative_covariance(np.delete(runs, k, axis=0), reference, radius=RADIUS)
+            for k in range(len(runs))
+        ]
+        expected = [getattr(other, name).value for other in others]
+        np.testing.assert_allclose(found.left_out, expected, rtol=1e-9)
+
+
+def test_two_runs_give_no_interval(field: tuple[np.ndarray, np.ndarray]) -> None:
+    runs, reference = field
+    found = covariance.relative_covariance(runs[:2], reference, radius=RADIUS).covariance
+    ratio = covariance.covariance_ratio(runs[:2], runs[2:4], reference, radius=RADIUS)
+    assert np.isfinite([found.value, ratio.value]).all()
+    assert np.isnan([found.low, ratio.low]).all()
 
 
 def _blotches(rng: np.random.Generator, count: int, share: float) -> np.ndarray:
@@ -118,13 +127,20 @@ def test_intervals_cover_the_known_covariance() -> None:
     counts = window.sum(axis=(2, 3)) - 1
     truth = ((lag * window).sum(axis=(2, 3)) - 0.3) / counts
     expected = float(truth.mean()) / scale
-    hits = 0
-    for trial in range(60):
-        found = covariance.relative_covariance(
-            _blotches(rng, 32, 0.3), reference, radius=RADIUS, resamples=400, seed=trial
-        )
-        hits += found.covariance.low <= expected <= found.covariance.high
-    assert 49 <= hits <= 60
+    hits, trials = np.zeros(4), 200
+    for _ in range(trials):
+        first, second = _blotches(rng, 10, 0.3), _blotches(rng, 10, 0.3)
+        found = covariance.relative_covariance(first, reference, radius=RADIUS)
+        intervals = [found.covariance, found.normalised]
+        for paired in (True, False):
+            ratio = covariance.covariance_ratio(
+                first, second, reference, radius=RADIUS, paired=paired
+            )
+            intervals.append(ratio)
+        truths = (expected, expected * scale, 1.0, 1.0)
+        hits += [i.low <= t <= i.high for i, t in zip(intervals, truths, strict=True)]
+    assert np.all(hits >= 0.92 * trials)
+    assert np.all(hits <= 0.99 * trials)
 
 
 def test_white_noise_has_no_covariance() -> None:

@@ -86,7 +86,7 @@ def test_relative_covariance_of_a_window() -> None:
     count = signal.convolve2d(np.ones(SHAPE), window, mode="same")
     products = [d * signal.convolve2d(d, window, mode="same") / count for d in deviations]
     expected = np.sum(products, axis=0).mean() / 4
-    found = covariance.relative_covariance(runs, reference, radius=radius, resamples=2)
+    found = covariance.relative_covariance(runs, reference, radius=radius)
     assert found.covariance.value == pytest.approx(expected, rel=1e-9)
 
 
@@ -101,7 +101,7 @@ def test_temporal_covariance() -> None:
     for pixel in range(flat.shape[2]):
         table = pandas.DataFrame(flat[:, :, pixel]).cov()
         values += [table.iloc[t, t + 1] for t in range(3)]
-    found = covariance.temporal_covariance(frames, reference, resamples=2)
+    found = covariance.temporal_covariance(frames, reference)
     assert found.value == pytest.approx(np.mean(values) / (1.3 * 1.01) ** 2, rel=1e-9)
 
 

@@ -13,15 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .covariance_products import (
-    RunProducts,
-    bootstrap_draws,
-    quadratic,
-    relative_deviations,
-    run_products,
-)
+from .covariance_products import RunProducts, jackknife_of, relative_deviations, run_products
 from .images import FloatArray, finite
-from .intervals import Interval, percentile_interval, resample_counts
+from .intervals import Interval, Jackknife
 
 
 @dataclass(frozen=True)
@@ -60,48 +54,43 @@ def relative_covariance(
     sigma: float = 8.0,
     epsilon: float = 0.01,
     level: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
 ) -> RelativeCovariance:
     """
-    Mean relative covariance within a window, with bootstrap intervals over runs.
+    Mean relative covariance within a window, with jackknife intervals over runs.
 
     Parameters
     ----------
     runs : array_like, (K, H, W) or (K, H, W, C)
-        Independent images; 32 or more for a usable interval.
+        Independent images; two give no interval.
     reference : array_like, (H, W) or (H, W, C)
         Only its smoothed luminance is used.
     radius : int
         The window is (2 radius + 1)² pixels; at the border, the part of it inside the image.
     sigma, epsilon : float
         Of `smoothed_reference`.
-    level, resamples, seed
-        Of the bootstrap.
+    level : float
+        Coverage of the intervals.
     """
     products = run_products([runs], reference, radius=radius, sigma=sigma, epsilon=epsilon)
-    return covariance_of_products(products, level=level, resamples=resamples, seed=seed)
+    return covariance_of_products(products, level=level)
 
 
-def covariance_of_products(
-    products: RunProducts, *, level: float = 0.95, resamples: int = 2000, seed: int = 0
-) -> RelativeCovariance:
+def covariance_of_products(products: RunProducts, *, level: float = 0.95) -> RelativeCovariance:
     """Mean relative covariance from the inner products of runs; as `relative_covariance`."""
-    count = products.runs
-    values = products.draws(np.ones((1, count)))
-    draws = bootstrap_draws(products, resample_counts(count, resamples, seed))
-    covariance, with_self, variance = (
-        percentile_interval(float(value[0]), draw, level=level)
-        for value, draw in zip(values, draws, strict=True)
+    grams = (products.window_term, products.with_self, products.self_term)
+    covariance, with_self, variance = (jackknife_of(gram).interval(level=level) for gram in grams)
+    correlation = correlation_of_products(products).interval(level=level)
+    return RelativeCovariance(
+        covariance, with_self, variance, correlation, products.radius, products.runs
     )
-    correlation = percentile_interval(
-        float(_over(values[0], values[2])[0]), _over(draws[0], draws[2]), level=level
-    )
-    return RelativeCovariance(covariance, with_self, variance, correlation, products.radius, count)
 
 
-def _over(first: FloatArray, second: FloatArray) -> FloatArray:
-    return np.divide(first, second, out=np.full_like(first, np.nan), where=second != 0.0)
+def correlation_of_products(products: RunProducts) -> Jackknife:
+    """Mean correlation (covariance over variance) of runs and of all but each."""
+    covariance, variance = (jackknife_of(g) for g in (products.window_term, products.self_term))
+    values, below = (np.append(j.left_out, j.value) for j in (covariance, variance))
+    ratios = np.divide(values, below, out=np.full_like(values, np.nan), where=below != 0.0)
+    return Jackknife(float(ratios[-1]), ratios[:-1])
 
 
 def covariance_ratio(
@@ -114,8 +103,6 @@ def covariance_ratio(
     sigma: float = 8.0,
     epsilon: float = 0.01,
     level: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
 ) -> Interval:
     """
     Relative covariance of one variant over that of another (without the term j = i).
@@ -125,40 +112,27 @@ def covariance_ratio(
     first, second : array_like, (K, H, W) or (K, H, W, C)
         Independent images of the two variants.
     paired : bool
-        Run m of both has the same seeds: the bootstrap then draws the same runs of both.
-    reference, radius, sigma, epsilon, level, resamples, seed
+        Run m of both has the same seeds: the jackknife then leaves the same run out of both.
+    reference, radius, sigma, epsilon, level
         As in `relative_covariance`.
     """
     one, two = (
         run_products([runs], reference, radius=radius, sigma=sigma, epsilon=epsilon)
         for runs in (first, second)
     )
-    return ratio_of_products(one, two, paired=paired, level=level, resamples=resamples, seed=seed)
+    return ratio_of_products(one, two, paired=paired, level=level)
 
 
 def ratio_of_products(
-    first: RunProducts,
-    second: RunProducts,
-    *,
-    paired: bool = True,
-    level: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
+    first: RunProducts, second: RunProducts, *, paired: bool = True, level: float = 0.95
 ) -> Interval:
     """Ratio of two covariances from the inner products of runs; as `covariance_ratio`."""
     if paired and first.runs != second.runs:
         raise ValueError(
             f"Paired variants need equal numbers of runs, not {first.runs}, {second.runs}."
         )
-    both = (first, second)
-    values = [products.draws(np.ones((1, products.runs)))[0] for products in both]
-    draws = [
-        bootstrap_draws(
-            products, resample_counts(products.runs, resamples, seed if paired else seed + index)
-        )[0]
-        for index, products in enumerate(both)
-    ]
-    return percentile_interval(float(_over(*values)[0]), _over(*draws), level=level)
+    own, base = (jackknife_of(products.window_term) for products in (first, second))
+    return own.over(base, paired=paired, level=level)
 
 
 def temporal_covariance(
@@ -169,8 +143,6 @@ def temporal_covariance(
     sigma: float = 8.0,
     epsilon: float = 0.01,
     level: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
 ) -> Interval:
     """
     Relative covariance of a pixel in frames t and t + lag, mean over pixels and t.
@@ -183,9 +155,22 @@ def temporal_covariance(
         Only its smoothed luminance is used.
     lag : int
         Frames between the two; 0 gives the mean relative variance.
-    sigma, epsilon, level, resamples, seed
+    sigma, epsilon, level
         As in `relative_covariance`.
     """
+    products = temporal_products(sequences, reference, lag=lag, sigma=sigma, epsilon=epsilon)
+    return jackknife_of(products).interval(level=level)
+
+
+def temporal_products(
+    sequences: ArrayLike,
+    reference: ArrayLike,
+    *,
+    lag: int = 1,
+    sigma: float = 8.0,
+    epsilon: float = 0.01,
+) -> FloatArray:
+    """Inner products (K, K) of runs, one `lag` frames after the other; as `temporal_covariance`."""
     x = finite(sequences, "The sequences", (4, 5))
     if not 0 <= lag < x.shape[1]:
         raise ValueError(f"A lag of {lag} frames needs more than {x.shape[1]} frames.")
@@ -194,8 +179,4 @@ def temporal_covariance(
         for t in range(x.shape[1])
     ]
     pairs = [(frames[t], frames[t + lag]) for t in range(len(frames) - lag)]
-    gram = np.mean([a @ b.T / a.shape[1] for a, b in pairs], axis=0)
-    runs = gram.shape[0]
-    value = float(quadratic(gram, np.ones((1, runs)))[0])
-    draws = quadratic(gram, resample_counts(runs, resamples, seed)) * runs / (runs - 1)
-    return percentile_interval(value, draws, level=level)
+    return np.asarray(np.mean([a @ b.T / a.shape[1] for a, b in pairs], axis=0))

@@ -1,4 +1,4 @@
-"""Inner products of independent runs: all that covariances and their bootstraps are made of."""
+"""Inner products of independent runs: all that covariances and their jackknives are made of."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from .images import FloatArray, runs_luminance, smoothed_reference
+from .intervals import Jackknife
 
 
 def relative_deviations(
@@ -65,7 +66,7 @@ def check_radius(radius: int) -> None:
 @dataclass(frozen=True)
 class RunProducts:
     """
-    Inner products of K runs, from which the covariance of every resample of them follows exactly.
+    Inner products of K runs, from which the covariance of any of them follows exactly.
 
     Fields
     ------
@@ -85,14 +86,6 @@ class RunProducts:
     def runs(self) -> int:
         """Number of runs K."""
         return int(self.self_term.shape[0])
-
-    def draws(self, counts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Covariance, covariance with self and variance of each resample (row of counts)."""
-        return (
-            quadratic(self.window_term, counts),
-            quadratic(self.with_self, counts),
-            quadratic(self.self_term, counts),
-        )
 
 
 def run_products(
@@ -135,19 +128,18 @@ def _products(deviations: FloatArray, radius: int) -> tuple[FloatArray, FloatArr
     return flat @ flat.T / pixels, flat @ others.T / pixels, flat @ everyone.T / pixels
 
 
-def quadratic(gram: FloatArray, counts: FloatArray) -> FloatArray:
+def jackknife_of(gram: FloatArray) -> Jackknife:
     """
-    Sample covariance of resampled runs, 1/(K-1) (sum_m w_m G_mm - w'Gw / K).
+    Sample covariance of runs and of all but each, from their inner products G (K, K).
 
-    With w = 1 this is the covariance itself. A resample repeats runs, which makes its covariance
-    smaller by (K-1)/K in the mean; callers that resample undo that.
+    1/(n-1) (sum_m G_mm - sum_ml G_ml / n), over all runs m, l or all but one; n is their number.
+    The mean that the deviations are from cancels, so that of all runs does for every choice.
     """
-    runs = gram.shape[0]
-    squares = np.einsum("bm,mn,bn->b", counts, gram, counts, optimize=True)
-    return np.asarray((counts @ np.diag(gram) - squares / runs) / (runs - 1))
-
-
-def bootstrap_draws(products: RunProducts, counts: FloatArray) -> tuple[FloatArray, ...]:
-    """Covariance, covariance with self and variance of bootstrap resamples (rows of counts)."""
-    runs = counts.shape[1]
-    return tuple(d * runs / (runs - 1) for d in products.draws(counts))
+    runs = len(gram)
+    trace, total = np.trace(gram), gram.sum()
+    value = (trace - total / runs) / (runs - 1)
+    if runs < 3:
+        return Jackknife(float(value), np.full(runs, np.nan))
+    traces = trace - np.diag(gram)
+    totals = total - gram.sum(axis=0) - gram.sum(axis=1) + np.diag(gram)
+    return Jackknife(float(value), (traces - totals / (runs - 1)) / (runs - 2))

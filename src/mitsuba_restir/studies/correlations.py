@@ -130,7 +130,7 @@ def covariance_in_sequence(data: Measured) -> Iterator[Row]:
     values = {
         name: np.array(
             [
-                relative_covariance(frames, reference, resamples=2).covariance.value
+                relative_covariance(frames, reference).covariance.value
                 for frames in _luminances(runs)
             ]
         )
