@@ -253,7 +253,7 @@ def test_what_is_made_of_others_renders_nothing(tmp_path: Path) -> None:
         ("", "give a step of the camera, or a light"),
         ('light = "light.to_world"', "light and light_step go together"),
         ("light_step = [0, 0, 1]", "a light and its step"),
-        ("step = [0, 1]", "step must be three numbers"),
+        ("step = [0, 1]", "step must be three finite numbers"),
     ],
 )
 def test_motions_that_make_no_sense(motion: str, message: str, tmp_path: Path) -> None:

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..errors import UsageError
 
 _MISSING: Any = object()
+
+
+def _is_number(value: object) -> bool:
+    """Say whether a value is a finite number; TOML's integers may exceed every float."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max
 
 
 class Reader:
@@ -69,12 +78,20 @@ class Reader:
             raise self._refuse(key, value, f"an integer of at least {least}")
         return value
 
-    def number(self, key: str, default: float = _MISSING, *, positive: bool = False) -> float:
-        """Take a number that is not negative, or positive."""
+    def number(
+        self,
+        key: str,
+        default: float = _MISSING,
+        *,
+        positive: bool = False,
+        below: float = math.inf,
+    ) -> float:
+        """Take a number that is not negative, or positive, and below a bound."""
         value = self._take(key, default)
-        good = isinstance(value, int | float) and not isinstance(value, bool)
-        if not good or not 0.0 <= value < float("inf") or (positive and value == 0.0):
-            raise self._refuse(key, value, "a positive number" if positive else "a number >= 0")
+        if not _is_number(value) or not 0.0 <= value < below or (positive and value == 0.0):
+            kind = "a positive number" if positive else "a number >= 0"
+            bound = f" and < {below:g}" if below < math.inf else ""
+            raise self._refuse(key, value, kind + bound)
         return float(value)
 
     def flag(self, key: str, default: bool) -> bool:
@@ -100,10 +117,10 @@ class Reader:
         good = (
             isinstance(value, list | tuple)
             and len(value) == count
-            and all(isinstance(x, int | float) and not isinstance(x, bool) for x in value)
+            and all(_is_number(x) for x in value)
         )
         if not good:
-            raise self._refuse(key, value, f"{word} numbers")
+            raise self._refuse(key, value, f"{word} finite numbers")
         return tuple(float(x) for x in value)
 
     def table(self, key: str) -> Reader:

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from ..errors import UsageError
 from . import fields
 from .config import Crop, Motion, Reference, Size, Study, Variant, View
@@ -60,10 +62,10 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
     motion = reader.table("motion") if "motion" in table else None
     reference = reader.table("reference") if "reference" in table else None
     study = Study(
-        name=reader.text("name"),
+        name=_name(reader),
         scene=reader.text("scene"),
         variants=variants,
-        sizes=tuple(_size(text, source) for text in reader.texts("sizes", ("320x180",))),
+        sizes=_sizes(reader),
         baseline=reader.text("baseline", ""),
         view=None if view is None else _view(view),
         crop=_crop(reader),
@@ -79,14 +81,34 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
         keep=reader.choice("keep", "last", ("last", "all")),
         reference=None if reference is None else _reference(reference),
         epsilon=reader.number("epsilon", 0.01, positive=True),
-        trim=reader.number("trim", 0.001),
+        trim=reader.number("trim", 0.001, below=1.0),
         freeze=reader.flag("freeze", True),
-        mitsuba_variant=reader.text("mitsuba_variant", "llvm_ad_rgb"),
+        mitsuba_variant=_mitsuba_variant(reader),
         about=reader.text("about", ""),
         published=_published(reader.table("published")) if "published" in table else {},
     )
     reader.finish()
     return study
+
+
+def _name(reader: fields.Reader) -> str:
+    name = reader.text("name")
+    # It becomes a part of the folder's name.
+    if not name.isprintable() or set(name) & set("/\\"):
+        raise UsageError(
+            f"{reader.source}: name must be printable and without / and \\, not {name!r}"
+        )
+    return name
+
+
+def _mitsuba_variant(reader: fields.Reader) -> str:
+    variant = reader.text("mitsuba_variant", "llvm_ad_rgb")
+    if not re.fullmatch(r"(?!scalar)\w+_rgb", variant):
+        raise UsageError(
+            f"{reader.source}: mitsuba_variant must be one of colour that is compiled, as in "
+            f"llvm_ad_rgb or cuda_ad_rgb, not '{variant}'"
+        )
+    return variant
 
 
 def _names(reader: fields.Reader) -> list[str]:
@@ -113,12 +135,17 @@ def _variant(variants: fields.Reader, name: str) -> Variant:
 
 def _view(reader: fields.Reader) -> View:
     view = View(
-        fov=reader.number("fov", positive=True),
+        fov=reader.number("fov", positive=True, below=180.0),
         origin=reader.vector("origin"),
         target=reader.vector("target"),
         up=reader.vector("up", (0.0, 1.0, 0.0)),
     )
     reader.finish()
+    direction = np.subtract(view.target, view.origin)
+    if not direction.any():
+        raise UsageError(f"{reader.source}: target must differ from origin, {list(view.origin)}")
+    if not np.cross(direction, view.up).any():
+        raise UsageError(f"{reader.source}: up must point elsewhere than the view")
     return view
 
 
@@ -170,12 +197,25 @@ def _reference(reader: fields.Reader) -> Reference:
     reader.finish()
     if bool(reference.file) == bool(reference.spp):
         raise UsageError(f"{reader.source}: give either file or spp")
+    if reference.variance and not reference.file:
+        raise UsageError(
+            f"{reader.source}: variance goes with file; that of spp follows from its batches"
+        )
     if reference.spp % reference.batches:
         raise UsageError(
             f"{reader.source}: spp = {reference.spp} is no multiple of the "
             f"{reference.batches} batches"
         )
     return reference
+
+
+def _sizes(reader: fields.Reader) -> tuple[Size, ...]:
+    sizes = tuple(_size(text, reader.source) for text in reader.texts("sizes", ("320x180",)))
+    twice = [size for index, size in enumerate(sizes) if size in sizes[:index]]
+    if twice:
+        width, height = twice[0]
+        raise UsageError(f"{reader.source}: sizes has {width}x{height} twice")
+    return sizes
 
 
 def _size(text: str, source: str) -> Size:
