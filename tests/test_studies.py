@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 import zipfile
 from collections.abc import Callable
 from dataclasses import fields
@@ -24,6 +25,7 @@ from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study
 from mitsuba_restir.studies.__main__ import main
+from mitsuba_restir.studies.arrays import load_arrays, save_arrays
 from mitsuba_restir.studies.config import Study, Variant
 from mitsuba_restir.studies.files import dump_study
 from mitsuba_restir.studies.quantities import QUANTITIES
@@ -116,6 +118,11 @@ def _fake_probe(
     }
 
 
+def _view(**changes: object) -> str:
+    keys = {"fov": 60, "origin": "[1, 2, 3]", "target": "[1, 2, 4]", **changes}
+    return "view = {" + ", ".join(f"{key} = {value}" for key, value in keys.items()) + "}"
+
+
 def _numbers(path: Path) -> list[dict[str, Any]]:
     records = json.loads((path / "results.json").read_text())
     return [record for record in records if not record["quantity"].startswith("time")]
@@ -178,8 +185,20 @@ def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
         ("seed = 5", "seed = 5\nview = {fov = 60, origin = [1, 2]}", "origin must be three"),
         ("spp = 4", "spp = 4\nlist = [1]", "list must be a number, a string"),
         ("seed = 5", "seed = 5\ncrop = [0.5, 0.5, 0.6, 0.5]", "crop must be left, top, width"),
-        ("seed = 5", "seed = 5\ncrop = [0, 0, 1]", "crop must be 4 numbers"),
+        ("seed = 5", "seed = 5\ncrop = [0, 0, 1]", "crop must be 4 finite numbers"),
+        ("seed = 5", "seed = 5\ncrop = [nan, 0, 1, 1]", "crop must be 4 finite numbers"),
+        ("seed = 5", f"seed = 5\nepsilon = 1{'0' * 400}", "epsilon must be a positive number"),
         ("spp = 64", "spp = 64\nnoise = -1", "noise must be a number >= 0"),
+        ("seed = 5", f"seed = 5\n{_view(fov=180)}", "fov must be a positive number and < 180"),
+        ("seed = 5", f"seed = 5\n{_view(origin='[0, inf, 0]')}", "origin must be three finite"),
+        ("seed = 5", f"seed = 5\n{_view(target='[1, 2, 3]')}", "target must differ from origin"),
+        ("seed = 5", f"seed = 5\n{_view(up='[0, 0, 2]')}", "up must point elsewhere"),
+        ("seed = 5", "seed = 5\ntrim = 1", "trim must be a number >= 0 and < 1, not 1"),
+        ('"24x16"', '"24x16", "024x16"', "sizes has 24x16 twice"),
+        ("seed = 5", "mitsuba_variant = 'llvm_ad_mono'", "as in llvm_ad_rgb or cuda_ad_rgb, not"),
+        ("seed = 5", "mitsuba_variant = 'scalar_rgb'", "as in llvm_ad_rgb or cuda_ad_rgb, not"),
+        ("spp = 64", "spp = 64\nvariance = 'v.exr'", "variance goes with file"),
+        ('name = "small"', 'name = "../small"', r"without / and \, not '../small'"),
     ],
 )
 def test_bad_toml_is_refused_in_one_line(
@@ -444,6 +463,68 @@ def test_a_scene_is_known_by_its_content(tmp_path: Path, study: Study) -> None:
     assert cache.scene_digest(changed) != first
 
 
+@pytest.mark.parametrize(
+    "named",
+    [
+        "<shape type='ply'><string name='filename' value='meshes/a.ply'/></shape>",
+        '<path value="meshes"/><shape type="ply"><string name="filename" value="a.ply"/></shape>',
+        '<include filename="part.xml"/>',
+    ],
+)
+def test_every_file_of_a_scene_is_found(named: str, tmp_path: Path, study: Study) -> None:
+    (tmp_path / "meshes").mkdir()
+    mesh, scene = tmp_path / "meshes" / "a.ply", tmp_path / "scene.xml"
+    mesh.write_bytes(b"ply")
+    numbers = " ".join(["0.125"] * 100)
+    part = f"<scene version='3.0.0'><matrix value='{numbers}'/>{named}</scene>"
+    scene.write_text(part)
+    # A file that is included names others as seen from the scene.
+    (tmp_path / "part.xml").write_text('<scene><string value="meshes/a.ply"/></scene>')
+    changed = load_study(str(tmp_path / "small.toml"), [f"scene={scene}"])
+    first = cache.scene_digest(changed)
+    mesh.write_bytes(b"PLY")
+    assert cache.scene_digest(changed) != first
+
+
+@pytest.mark.parametrize("quantity", ["rmse", "statistics"])
+def test_an_edited_scene_is_another_study(
+    quantity: str, tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    scene, out = tmp_path / "scene.xml", tmp_path / "out"
+    scene.write_text('<scene version="3.0.0"/>')
+    changes = [f"scene={scene}", f"quantities=['{quantity}']"]
+    own = load_study(str(tmp_path / "small.toml"), changes)
+    run_study(own, out)
+    log.clear()
+    run_study(own, out)
+    assert log == []
+    before = {f: f.read_bytes() for f in out.rglob("*") if f.is_file()}
+    scene.write_text('<scene version="3.0.0"><!-- edited --></scene>')
+    with pytest.raises(UsageError, match=r"with another content of its scene .*: choose a new"):
+        run_study(own, out)
+    assert log == []
+    assert {f: f.read_bytes() for f in before} == before
+    scene.unlink()
+    with pytest.raises(UsageError, match="neither a file nor an embedded scene"):
+        run_study(own, out)
+
+
+def test_older_runs_say_nothing_of_scene_and_arrays(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    run_study(study, tmp_path / "out")
+    for file in (tmp_path / "out").rglob("*.npz"):
+        with np.load(file) as stored:
+            arrays = dict(stored)
+        label = json.loads(str(arrays.pop("label")))
+        assert label["scene"] == cache.scene_digest(study)
+        older = {key: label[key] for key in ("digest", "file")}
+        np.savez(file, label=np.array(json.dumps(older)), **arrays)
+    log.clear()
+    assert not run_study(study, tmp_path / "out").notes
+    assert log == []
+
+
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 25, 27])
 def test_interrupted_studies_end_with_the_same_numbers(
     stop: int,
@@ -523,6 +604,39 @@ def test_damaged_files_are_not_accepted(
     assert _numbers(out) == expected
 
 
+def test_no_flipped_byte_is_accepted(tmp_path: Path) -> None:
+    """Every byte of a file in turn, the directory at its end included."""
+    file = tmp_path / "run.npz"
+    whole = {"mean": np.ones((1, 1, 3), dtype=np.float32), "times": np.array([0.5])}
+    save_arrays(file, {"digest": "d"}, {**whole, "frames": np.ones(2)})
+    data = file.read_bytes()
+    accepted = 0
+    for place, byte in enumerate(data):
+        file.write_bytes(data[:place] + bytes([byte ^ 0x55]) + data[place + 1 :])
+        try:
+            found = load_arrays(file, ("frames",))
+        except ValueError:
+            continue
+        # Nobody reads the time stamps and attributes of a ZIP file.
+        accepted += 1
+        assert found.label == {"digest": "d"}
+        assert found.left == {"frames": (2,)}
+        assert {name: found.arrays[name].tolist() for name in found.arrays} == {
+            name: array.tolist() for name, array in whole.items()
+        }
+    assert accepted < len(data) / 4
+
+
+def test_a_lost_array_is_damage(tmp_path: Path) -> None:
+    file = tmp_path / "run.npz"
+    save_arrays(file, {"digest": "d"}, {"mean": np.ones(3), "frames": np.ones(2)})
+    with np.load(file) as stored:
+        arrays = {name: stored[name] for name in ("label", "mean")}
+    np.savez(file, **arrays)
+    with pytest.raises(ValueError, match=r"its arrays are mean, not frames, mean"):
+        load_arrays(file)
+
+
 def test_other_settings_are_refused(
     study: Study, tmp_path: Path, log: list[tuple[str, int]]
 ) -> None:
@@ -588,6 +702,33 @@ def test_a_lost_history_costs_time_and_nothing_else(
     assert len(table.notes) == 2 * 3
     assert {name for name, _ in log} == {"plain", "better"}
     assert _numbers(out) == expected
+
+
+def test_a_folder_that_was_only_begun_is_used(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    """What is there when the first or the second file is half written."""
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in (".lock", "studies.json", ".studies.json.a.partial", ".config.toml.b.partial"):
+        (out / name).write_text("[1")
+    run_study(study, out)
+    assert not list(out.rglob(".*.partial"))
+
+
+def test_leftovers_in_the_cache_are_removed(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    folder = cache.cache_folder() / "references" / "other"
+    folder.mkdir(parents=True)
+    old, new = folder / ".0001.npz.a.partial", folder / ".0001.npz.b.partial"
+    for file in (old, new):
+        file.write_bytes(b"half")
+    yesterday = time.time() - 86400.0
+    os.utime(old, (yesterday, yesterday))
+    run_study(study, tmp_path / "out")
+    # Another process may be writing the new one.
+    assert list(folder.iterdir()) == [new]
 
 
 def test_a_folder_with_other_things_is_left_alone(study: Study, tmp_path: Path) -> None:

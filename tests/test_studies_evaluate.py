@@ -250,10 +250,11 @@ run_study(load_study(sys.argv[1]), Path(sys.argv[2]))
 
 @pytest.mark.slow
 def test_killed_while_it_writes(file: str, tmp_path: Path) -> None:
-    """Killed with a file half written, three times: what is half written is never taken."""
+    """Killed with a file half written, five times: what is half written is never taken."""
     study = load_study(file)
     out = tmp_path / "killed"
-    for write in (4, 7, 9):
+    # The first two are the history and the configuration of the folder itself.
+    for write in (1, 2, 4, 7, 9):
         command = [sys.executable, "-c", WRITING_KILLER, file, str(out), str(write)]
         assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
         assert list(tmp_path.rglob(".*.partial"))

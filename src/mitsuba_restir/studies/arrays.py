@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
-import zlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import RenderError
+from ..errors import RenderError, one_line
 from ..imageio import write_atomically
 
 Arrays = dict[str, npt.NDArray[Any]]
@@ -27,38 +25,47 @@ def make_folder(folder: Path) -> None:
         raise RenderError(f"cannot make {folder}: {error.strerror}") from error
 
 
+class Stored(NamedTuple):
+    """
+    What a file holds.
+
+    Fields
+    ------
+    label : dict of str to str
+        What the file says that it belongs to.
+    arrays : dict of str to array
+    left : dict of str to shape
+        Arrays that were only checked, not kept.
+    """
+
+    label: dict[str, str]
+    arrays: Arrays
+    left: dict[str, tuple[int, ...]]
+
+
 def save_arrays(path: Path, label: Mapping[str, str], arrays: Mapping[str, Any]) -> None:
-    """Write arrays together with the label that they can later be recognised by."""
+    """Write arrays together with their names and a label that they can be recognised by."""
     buffer = io.BytesIO()
+    full = {**label, "arrays": sorted(arrays)}
     # Noise hardly compresses, and every quantity reads the frames anew.
-    np.savez(buffer, label=np.array(json.dumps(label)), **arrays)
+    np.savez(buffer, label=np.array(json.dumps(full)), **arrays)
     make_folder(path.parent)
     write_atomically(path, buffer.getvalue())
 
 
-def load_arrays(
-    path: Path, labels: Sequence[Mapping[str, str]], leave: Collection[str] = ()
-) -> tuple[Arrays, Mapping[str, tuple[int, ...]]]:
+def load_arrays(path: Path, leave: Collection[str] = ()) -> Stored:
     """
     Read arrays.
 
     Parameters
     ----------
-    labels : sequence of mapping
-        What the file may say that it belongs to.
     leave : collection of str
         Names of arrays that are only checked, not kept.
-
-    Returns
-    -------
-    arrays : dict of str to array
-    left : mapping of str to shape
-        Those that were left out.
 
     Raises
     ------
     ValueError
-        The file cannot be read, is damaged, or has another label.
+        The file cannot be read or is damaged.
     """
     arrays: Arrays = {}
     left: dict[str, tuple[int, ...]] = {}
@@ -71,9 +78,13 @@ def load_arrays(
                     left[name] = array.shape
                 else:
                     arrays[name] = array
-        found = json.loads(str(arrays.pop("label")))
-    except (OSError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(str(error)) from error
-    if found not in labels:
-        raise ValueError("it belongs to another study or place")
-    return arrays, left
+        label: dict[str, Any] = json.loads(str(arrays.pop("label")))
+        found = sorted([*arrays, *left])
+        # Files from before the names were written do not have them.
+        names = label.pop("arrays", found)
+    except Exception as error:
+        # Damage shows as whatever it makes zipfile, NumPy and json stumble over.
+        raise ValueError(f"it cannot be read: {one_line(error) or repr(error)}") from error
+    if names != found:
+        raise ValueError(f"its arrays are {', '.join(found)}, not {', '.join(names)}")
+    return Stored(label, arrays, left)

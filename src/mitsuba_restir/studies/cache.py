@@ -9,15 +9,22 @@ import os
 import pkgutil
 import re
 import sys
+import time
+import xml.etree.ElementTree as ElementTree
+from contextlib import suppress
 from dataclasses import asdict
 from importlib import metadata, resources
 from pathlib import Path
 
 from .. import scenes
+from ..errors import UsageError
 from .config import Size, Study
-from .rendering import expand
+from .rendering import scene_file
 
 VARIABLE = "MITSUBA_RESTIR_CACHE"
+
+# Seconds; writing a batch takes less than one.
+_LEFT_AFTER = 3600.0
 
 
 def cache_folder() -> Path:
@@ -33,11 +40,27 @@ def cache_folder() -> Path:
     return base / "mitsuba-restir"
 
 
-def reference_digest(study: Study, size: Size) -> str:
-    """Digest of everything that a batch of a reference depends on, but for its number."""
+def remove_leftovers() -> None:
+    """Remove what processes that were killed have left half written in the cache."""
+    for file in (cache_folder() / "references").rglob(".*.partial"):
+        # Other processes may be writing right now, or have removed it.
+        with suppress(OSError):
+            if time.time() - file.stat().st_mtime > _LEFT_AFTER:
+                file.unlink()
+
+
+def reference_digest(study: Study, size: Size, scene: str) -> str:
+    """
+    Digest of everything that a batch of a reference depends on, but for its number.
+
+    Parameters
+    ----------
+    scene : str
+        The scene's digest.
+    """
     assert study.reference is not None
     content = {
-        "scene": scene_digest(study),
+        "scene": scene,
         "view": None if study.view is None else asdict(study.view),
         "size": list(size),
         "max_depth": study.max_depth,
@@ -49,15 +72,21 @@ def reference_digest(study: Study, size: Size) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def reference_folder(study: Study, size: Size) -> Path:
-    """Folder of the batches of a study's reference."""
-    digest = reference_digest(study, size)
+def reference_folder(study: Study, size: Size, digest: str) -> Path:
+    """Folder of the batches of a study's reference that has a digest."""
     name = re.sub(r"\W+", "-", Path(study.scene).stem or "scene")
     return cache_folder() / "references" / f"{name}-{size[0]}x{size[1]}-{digest[:16]}"
 
 
 def scene_digest(study: Study) -> str:
-    """Digest of a scene: of its file and all that it names, or of the code that builds it."""
+    """
+    Digest of a scene: of its file and all that it names, or of the code that builds it.
+
+    Raises
+    ------
+    UsageError
+        There is no such scene, or one of its files cannot be read.
+    """
     digest = hashlib.sha256()
     if study.scene in scenes.names():
         digest.update(study.scene.encode())
@@ -66,21 +95,45 @@ def scene_digest(study: Study) -> str:
             digest.update(source.read_bytes())
         digest.update(inspect.getsource(scenes).encode())
         return digest.hexdigest()
-    for path in _files(Path(expand(study.scene)), set()):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
+    scene = scene_file(study)
+    try:
+        for path in _files(scene):
+            digest.update(path.name.encode())
+            digest.update(path.read_bytes())
+    except OSError as error:
+        raise UsageError(f"{scene}: cannot read {error.filename}: {error.strerror}") from error
     return digest.hexdigest()
 
 
-def _files(path: Path, seen: set[Path]) -> list[Path]:
-    """Return a scene file and, in order, every existing file that it names."""
-    path = path.resolve()
-    if path in seen or not path.is_file():
+def _files(scene: Path) -> list[Path]:
+    """Return a scene file and, in order, every existing file that it may mean by a name."""
+    folders = [scene.parent]
+    # As a set that keeps its order.
+    found: dict[Path, None] = {}
+
+    def add(path: Path) -> None:
+        path = path.resolve()
+        if path in found:
+            return
+        found[path] = None
+        for node in _nodes(path):
+            names = [text for key, text in node.attrib.items() if key in ("value", "filename")]
+            if node.tag == "path":
+                folders.extend(path.parent / name for name in names)
+            for place in [folder / name for name in names for folder in (path.parent, *folders)]:
+                # Unlike Path.is_file, it knows that a long list of numbers is no name.
+                if os.path.isfile(place):
+                    add(place)
+
+    add(scene)
+    return list(found)
+
+
+def _nodes(path: Path) -> list[ElementTree.Element]:
+    """Return the elements of an XML file; none where it is not one, which loading it will say."""
+    if path.suffix != ".xml":
         return []
-    seen.add(path)
-    found = [path]
-    if path.suffix == ".xml":
-        text = path.read_text("utf-8", errors="replace")
-        for name in re.findall(r'(?:value|filename)\s*=\s*"([^"$]+\.\w+)"', text):
-            found += _files(path.parent / name, seen)
-    return found
+    try:
+        return list(ElementTree.parse(path).getroot().iter())
+    except (ElementTree.ParseError, ValueError):
+        return []

@@ -105,6 +105,24 @@ def expand(path: str) -> str:
     return expanded
 
 
+def scene_file(study: Study) -> Path:
+    """
+    Return the file of a scene that is not embedded.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    path = Path(expand(study.scene))
+    if not path.is_file():
+        raise UsageError(
+            f"{study.name}: the scene '{path}' is neither a file nor an embedded scene "
+            f"({', '.join(scenes.names())})"
+        )
+    return path
+
+
 def load_scene(study: Study) -> Any:
     """
     Load the study's scene in the study's Mitsuba variant, which becomes the current one.
@@ -120,12 +138,7 @@ def load_scene(study: Study) -> Any:
         raise UsageError(f"{study.name}: mitsuba_variant: {one_line(error)}") from error
     if study.scene in scenes.names():
         return scenes.load(study.scene)
-    path = Path(expand(study.scene))
-    if not path.is_file():
-        raise UsageError(
-            f"{study.name}: the scene '{path}' is neither a file nor an embedded scene "
-            f"({', '.join(scenes.names())})"
-        )
+    path = scene_file(study)
     try:
         # Merging shapes would change which reservoirs' vertices share a shape index.
         return mi.load_file(str(path), optimize=False)

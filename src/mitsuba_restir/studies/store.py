@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,8 @@ import numpy.typing as npt
 
 from ..errors import UsageError, one_line
 from ..imageio import write_atomically
-from .arrays import Arrays, load_arrays, make_folder, save_arrays
-from .cache import reference_digest, reference_folder
+from .arrays import Stored, load_arrays, make_folder, save_arrays
+from .cache import reference_digest, reference_folder, remove_leftovers, scene_digest
 from .config import Size, Study
 from .environment import environment
 from .files import dump_study, load_study
@@ -28,8 +29,8 @@ class StudyFolder:
     """
     Reads and writes the results of one study.
 
-    Every file is complete or absent, carries a digest of the configuration that it was rendered
-    with, and is refused where it cannot be read or its variant was rendered otherwise.
+    Every file is complete or absent, carries digests of the configuration and the scene that it was
+    rendered with, and is refused where it cannot be read or its variant was rendered otherwise.
 
     Parameters
     ----------
@@ -39,13 +40,14 @@ class StudyFolder:
     Raises
     ------
     UsageError
-        The folder holds this study with other settings, or other things.
+        The folder holds this study with other settings, or other things, or there is no such scene.
     """
 
     def __init__(self, path: Path, study: Study) -> None:
         self.path = path
         self.study = study
         self.digest = digest_of(study)
+        self._scene = scene_digest(study)
         self.refused: list[str] = []
         self._references: dict[Size, tuple[Path, str]] = {}
         self._lock: FolderLock | None = None
@@ -53,7 +55,7 @@ class StudyFolder:
         self._history = entry(study)
         if config.exists():
             self._compare(load_study(str(config)))
-        elif path.exists() and (not path.is_dir() or any(f.name != LOCK for f in path.iterdir())):
+        elif path.exists() and not _is_begun(path):
             raise UsageError(f"{path} exists and holds no study: choose a new folder")
 
     def claim(self) -> None:
@@ -75,6 +77,7 @@ class StudyFolder:
             self._lock = FolderLock(self.path)
         for leftover in self.path.rglob(".*.partial"):
             leftover.unlink()
+        remove_leftovers()
         self.write(PROVENANCE, (json.dumps(self._history, indent=1) + "\n").encode())
         write_atomically(self.path / "config.toml", dump_study(self.study))
         self._note_environment()
@@ -109,10 +112,21 @@ class StudyFolder:
             )
         self._history = {**read_history(self.path), **entry(other), **self._history}
 
-    def _labels(self, variant: str, path: Path) -> list[dict[str, str]]:
-        """Return what a file of a variant may say about itself."""
+    def _label(self, path: Path) -> dict[str, str]:
+        """Return what a file of this study says about itself."""
+        return {"digest": self.digest, "file": self._place(path), "scene": self._scene}
+
+    def _check(self, variant: str, path: Path, label: Mapping[str, Any]) -> None:
+        """Refuse a file of a variant: what is foreign (ValueError), or of another scene."""
         digests = usable_digests(self._history, self.study, variant)
-        return [{"digest": digest, "file": self._label(path)} for digest in digests]
+        if label["digest"] not in digests or label["file"] != self._place(path):
+            raise ValueError("it belongs to another study or place")
+        # Older files do not say what the scene was.
+        if label.get("scene", self._scene) != self._scene:
+            raise UsageError(
+                f"{self.path} holds this study with another content of its scene "
+                f"('{self.study.scene}' or what it names has changed): choose a new folder"
+            )
 
     def _file(self, kind: str, size: Size, variant: str, index: int) -> Path:
         return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}.npz"
@@ -124,17 +138,16 @@ class StudyFolder:
         Its single frames stay on the disk until they are asked for.
         """
         path = self._file("runs", size, variant, index)
-        labels = self._labels(variant, path)
-        found = self._load(path, labels, size, leave=("frames",))
+        found = self._load(path, partial(self._check, variant, path), size, leave=("frames",))
         if found is None:
             return None
-        arrays, left = found
+        arrays = found.arrays
         mean = arrays["mean"]
 
         def frames() -> Image:
-            return load_arrays(path, labels)[0]["frames"]
+            return load_arrays(path).arrays["frames"]
 
-        load_frames = frames if "frames" in left else None
+        load_frames = frames if "frames" in found.left else None
         session = str(arrays.get("session", ""))
         return Run(arrays.get("last", mean), mean, arrays["times"], load_frames, session)
 
@@ -149,7 +162,8 @@ class StudyFolder:
             arrays["last"] = run.last
         if (frames := run.frames) is not None:
             arrays["frames"] = frames
-        self._save(self._file("runs", size, variant, index), arrays)
+        path = self._file("runs", size, variant, index)
+        save_arrays(path, self._label(path), arrays)
 
     def load_probe(
         self, size: Size, variant: str, probe: str, index: int
@@ -160,8 +174,7 @@ class StudyFolder:
             return None
         try:
             content = json.loads(path.read_text("utf-8"))
-            if {key: content[key] for key in ("digest", "file")} not in self._labels(variant, path):
-                raise ValueError("it belongs to another study or place")
+            self._check(variant, path, content)
             return {str(name): float(value) for name, value in content["numbers"].items()}
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
@@ -172,7 +185,7 @@ class StudyFolder:
     ) -> None:
         """Write what a probe said of a run."""
         path = self._probe_file(size, variant, probe, index)
-        content = {"digest": self.digest, "file": self._label(path), "numbers": dict(numbers)}
+        content = {**self._label(path), "numbers": dict(numbers)}
         make_folder(path.parent)
         write_atomically(path, json.dumps(content).encode())
 
@@ -182,8 +195,13 @@ class StudyFolder:
     def load_batch(self, size: Size, index: int) -> Image | None:
         """Return a finished batch of the reference, whichever study rendered it, or None."""
         path, label = self._batch(size, index)
-        found = self._load(path, [label], size)
-        return None if found is None else found[0]["mean"]
+
+        def check(found: Mapping[str, str]) -> None:
+            if found != label:
+                raise ValueError("it belongs to another reference or batch")
+
+        found = self._load(path, check, size)
+        return None if found is None else found.arrays["mean"]
 
     def save_batch(self, size: Size, index: int, image: Image) -> None:
         """Write a finished batch of the reference."""
@@ -192,10 +210,8 @@ class StudyFolder:
 
     def _batch(self, size: Size, index: int) -> tuple[Path, dict[str, str]]:
         if size not in self._references:
-            self._references[size] = (
-                reference_folder(self.study, size),
-                reference_digest(self.study, size),
-            )
+            digest = reference_digest(self.study, size, self._scene)
+            self._references[size] = (reference_folder(self.study, size, digest), digest)
         folder, digest = self._references[size]
         return folder / f"{index:04d}.npz", {"digest": digest, "batch": str(index)}
 
@@ -203,26 +219,31 @@ class StudyFolder:
         """Write a file of results."""
         write_atomically(self.path / name, data)
 
-    def _save(self, path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        save_arrays(path, {"digest": self.digest, "file": self._label(path)}, arrays)
-
-    def _label(self, path: Path) -> str:
+    def _place(self, path: Path) -> str:
         return path.relative_to(self.path).as_posix()
 
     def _load(
         self,
         path: Path,
-        labels: Sequence[Mapping[str, str]],
+        check: Callable[[Mapping[str, str]], None],
         size: Size,
         leave: Collection[str] = (),
-    ) -> tuple[Arrays, Mapping[str, tuple[int, ...]]] | None:
+    ) -> Stored | None:
         if not path.exists():
             return None
         try:
-            arrays, left = load_arrays(path, labels, leave)
-            if arrays["mean"].shape != (size[1], size[0], 3):
+            found = load_arrays(path, leave)
+            check(found.label)
+            if found.arrays["mean"].shape != (size[1], size[0], 3):
                 raise ValueError("its image has another size")
         except (ValueError, KeyError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
             return None
-        return arrays, left
+        return found
+
+
+def _is_begun(path: Path) -> bool:
+    """Say whether a folder without a configuration holds only what a killed process left of it."""
+    return path.is_dir() and all(
+        file.name in (LOCK, PROVENANCE) or file.match(".*.partial") for file in path.iterdir()
+    )
