@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from functools import partial
 
 import numpy as np
@@ -15,6 +16,7 @@ from mitsuba_restir.studies.frame_errors import (
     reference_noise,
     relative_errors,
 )
+from mitsuba_restir.studies.noise import NoisyReferenceError, check_reference
 from mitsuba_restir.studies.quantities import QUANTITIES
 from mitsuba_restir.studies.reference import smooth
 from mitsuba_restir.studies.results import Measured, ReferenceImage, Row, Run
@@ -168,6 +170,44 @@ def test_blocks_know_the_reference_before_it_was_smoothed(sigma: float) -> None:
         p_values.append(p_value)
     assert np.mean(shares) == pytest.approx(0.05, abs=0.01)
     assert np.median(np.array(p_values, dtype=float)) > 0.2
+
+
+def _noisy(variance: float) -> ReferenceImage:
+    rng = np.random.default_rng(8)
+    noise = np.sqrt(variance) * rng.standard_normal((*SHAPE, 3))
+    return ReferenceImage(1.0 + noise, np.full((*SHAPE, 3), variance))
+
+
+@pytest.mark.parametrize(("name", "refused"), [("relmse", False), ("relmse_average", True)])
+def test_the_image_that_is_measured_is_checked(name: str, refused: bool) -> None:
+    """A reference that is surer than a frame and not than the mean of 8."""
+    rng = np.random.default_rng(9)
+    images = 1.0 + 0.3 * rng.standard_normal((2, 8, *SHAPE))
+    data = _data({"a": _grey(images)}, _noisy(0.3**2 / 5))
+    with pytest.raises(NoisyReferenceError) if refused else nullcontext():
+        check_reference(data, data.runs, name, QUANTITIES[name].checked or "last")
+
+
+def test_all_runs_are_checked_and_the_advice_is_enough() -> None:
+    rng = np.random.default_rng(10)
+    images = 1.0 + 0.02 * rng.standard_normal((2, 1, *SHAPE))
+    images[1] += 0.08 * rng.standard_normal(SHAPE)
+    # The variance is 0.0036 in the mean; the first run alone would be refused.
+    data = _data({"a": _grey(images)}, _noisy(0.002))
+    check_reference(data, data.runs, "relmse")
+    data = _data({"a": _grey(images)}, _noisy(0.0162))
+    with pytest.raises(NoisyReferenceError, match="82 %.*; give the reference 5 times"):
+        check_reference(data, data.runs, "relmse")
+    surer = _data({"a": _grey(images)}, _noisy(0.0162 / 5))
+    check_reference(surer, surer.runs, "relmse")
+
+
+def test_a_reference_without_an_error_beside_it_gets_no_number() -> None:
+    reference = _noisy(0.1)
+    half = 1.0 + 0.5 * (reference.image - 1.0)
+    data = _data({"a": half[None, None]}, reference)
+    with pytest.raises(NoisyReferenceError, match="cannot be told"):
+        check_reference(data, data.runs, "relmse")
 
 
 def _timed(seconds: np.ndarray) -> list[Run]:

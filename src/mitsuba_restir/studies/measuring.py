@@ -41,8 +41,8 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
         for name in study.quantities:
             quantity = QUANTITIES[name]
             try:
-                if quantity.needs_reference:
-                    check_reference(data, data.runs, name)
+                if quantity.needs_reference and quantity.checked:
+                    check_reference(data, data.runs, name, quantity.checked)
                 # Quantities yield all rows of a variant; readers compare variants of a quantity.
                 rows += list(quantity.rows(data))
             except NoisyReferenceError as error:

@@ -17,6 +17,7 @@ from .correlations import (
 )
 from .denoised import denoised
 from .frame_errors import filtered_mse, last_frame_of
+from .noise import Checked
 from .probed import memory_slopes, of_probe
 from .results import Measured, Row
 from .scalars import equal_time, frame_time, of_frames, of_mean, relative_rmse, relmse, speed
@@ -34,6 +35,9 @@ class Quantity:
     rows : callable
         Measures every variant.
     needs_reference : bool
+    checked : {"last", "mean"} or None
+        Of each run, the image in whose error the reference's own must be a small part. None where
+        an interval or a test includes the reference's error, however large.
     cold : bool
         Only meaningful for runs without warm-up.
     sequences : bool
@@ -49,6 +53,7 @@ class Quantity:
     about: str
     rows: Callable[[Measured], Iterator[Row]]
     needs_reference: bool = False
+    checked: Checked | None = "last"
     cold: bool = False
     sequences: bool = False
     least_runs: int = 1
@@ -94,6 +99,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         "relMSE of the average of all frames",
         of_mean("relMSE of the average", lambda data, image, _: relmse(data, image, 0.0)),
         needs_reference=True,
+        checked="mean",
     ),
     "smape": Quantity(
         "symmetric mean absolute error of a frame",
@@ -125,7 +131,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "equal_time": Quantity(
         "relMSE at equal time against one frame of the baseline",
         equal_time,
-        True,
+        needs_reference=True,
+        checked="mean",
         cold=True,
         least_runs=2,
     ),
@@ -170,12 +177,14 @@ QUANTITIES: Mapping[str, Quantity] = {
         "share of blocks of pixels whose mean differs from the reference's, and a test of all",
         block_biases,
         needs_reference=True,
+        checked=None,
         least_runs=4,
     ),
     "pixel_bias": Quantity(
         "rms bias of single pixels, by products of independent runs",
         pixel_biases,
         needs_reference=True,
+        checked="mean",
         least_runs=2,
     ),
     "denoised": Quantity(

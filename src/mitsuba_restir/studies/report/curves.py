@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...analysis import metrics, spectrum
+from ...analysis import spectrum
 from ...analysis.covariance_images import lag_products
 from ...analysis.images import FloatArray, luminance
 from ..frame_errors import CLIP, frames_of
+from ..noise import check_reference
 from ..results import Measured, ReferenceImage, Run
+from ..scalars import relmse
 
 Values = npt.NDArray[np.float64]
 Record = dict[str, str | float | int]
@@ -79,35 +81,33 @@ class Lags:
 
 
 def convergence(data: Measured) -> dict[str, Curve]:
-    """Compute the errors of all variants whose frames are kept; empty without a reference."""
+    """
+    Compute the errors of all variants whose frames are kept; empty without a reference.
+
+    Raises
+    ------
+    NoisyReferenceError
+        The reference is too noisy for the average of all frames.
+    """
     if data.reference is None:
         return {}
-    found = {}
-    for name, runs in data.runs.items():
-        kept = [run for run in runs if run.load_frames is not None and run.times.size > 1]
-        if kept:
-            found[name] = _curve(data, kept, data.reference)
-    return found
+    kept = {
+        name: [run for run in runs if run.load_frames is not None and run.times.size > 1]
+        for name, runs in data.runs.items()
+    }
+    check_reference(data, kept, "the convergence", "mean")
+    return {name: _curve(data, runs) for name, runs in kept.items() if runs}
 
 
-def _curve(data: Measured, runs: Sequence[Run], reference: ReferenceImage) -> Curve:
-    def error(image: npt.NDArray[np.floating]) -> float:
-        return metrics.trimmed_relmse(
-            image,
-            reference.image,
-            epsilon=data.epsilon,
-            trim=data.trim,
-            reference_variance=reference.variance,
-        )
-
+def _curve(data: Measured, runs: Sequence[Run]) -> Curve:
     single, average = [], []
     for run in runs:
         frames = run.frames
         assert frames is not None
         means = np.cumsum(frames, axis=0, dtype=np.float64)
         means /= np.arange(1, len(frames) + 1)[:, None, None, None]
-        single.append([error(frame) for frame in frames])
-        average.append([error(mean) for mean in means])
+        single.append([relmse(data, frame, data.trim) for frame in frames])
+        average.append([relmse(data, mean, data.trim) for mean in means])
     seconds = np.median([np.cumsum(run.times) for run in runs], axis=0)
     return Curve(seconds, np.array(single), np.array(average))
 
@@ -132,7 +132,7 @@ def radial_powers(data: Measured, powers: Mapping[str, FloatArray]) -> dict[str,
         if partner and min(own.min(), values[partner].min()) > 0.0:
             ratio = _ratio(own, values[partner])
         frequency = rings[name][0].frequency
-        found[name] = Radial(frequency, own.mean(axis=0), _error(own), ratio)
+        found[name] = Radial(frequency, own.mean(axis=0), standard_error(own), ratio)
     return found
 
 
@@ -194,9 +194,9 @@ def convergence_records(curves: Mapping[str, Curve], size: str) -> list[Record]:
             "frame": frame + 1,
             "seconds": float(curve.seconds[frame]),
             "relmse": float(curve.single[:, frame].mean()),
-            "relmse_error": float(_error(curve.single)[frame]),
+            "relmse_error": float(standard_error(curve.single)[frame]),
             "relmse_of_average": float(curve.average[:, frame].mean()),
-            "relmse_of_average_error": float(_error(curve.average)[frame]),
+            "relmse_of_average_error": float(standard_error(curve.average)[frame]),
         }
         for name, curve in curves.items()
         for frame in range(len(curve.seconds))
@@ -236,7 +236,7 @@ def lag_records(curves: Mapping[str, Lags], size: str) -> list[Record]:
     ]
 
 
-def _error(values: Values) -> Values:
+def standard_error(values: Values) -> Values:
     """Standard error of the mean over runs; zero for a single run."""
     if len(values) < 2:
         return np.zeros(values.shape[1])

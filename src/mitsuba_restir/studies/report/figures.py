@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ..results import Row
 from .colours import line_colours
-from .curves import Curve, Lags, Radial
+from .curves import Curve, Lags, Radial, standard_error
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # type: ignore[import-not-found, unused-ignore]
@@ -138,7 +137,7 @@ def convergence(curves: Mapping[str, Curve], over: str, colours: Colours | None 
         axes.plot(x, curve.single.mean(axis=0), color=colour, linewidth=0.7, alpha=0.8)
         axes.plot(x, mean, color=colour, linewidth=1.8, label=name)
         if len(curve.average) > 1:
-            error = _standard_error(curve.average)
+            error = standard_error(curve.average)
             low = np.maximum(mean - error, mean * 0.05)
             axes.fill_between(x, low, mean + error, color=colour, alpha=0.15, linewidth=0)
     label = "frames" if over == "frames" else "rendering time [s]"
@@ -147,10 +146,6 @@ def convergence(curves: Mapping[str, Curve], over: str, colours: Colours | None 
     _logarithmic(axes.yaxis)
     _legend(axes)
     return figure
-
-
-def _standard_error(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(values)))
 
 
 def encode(figure: Figure, kind: str) -> bytes:

@@ -14,6 +14,7 @@ from ..arrays import make_folder
 from ..config import Study
 from ..files import dump_study
 from ..frame_errors import chain_spectra
+from ..noise import NoisyReferenceError
 from ..results import Measured, Row
 from ..runner import load_size
 from ..store import StudyFolder
@@ -68,7 +69,7 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
         data = load_size(folder, size)
         powers = _powers(data)
         found = Curves(
-            curves.convergence(data),
+            _convergence(data, notes),
             curves.radial_powers(data, powers),
             curves.lag_covariances(data),
         )
@@ -93,6 +94,15 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
     )
     folder.write(NAME, page(content).encode())
     return folder.path / NAME
+
+
+def _convergence(data: Measured, notes: list[str]) -> dict[str, curves.Curve]:
+    """Return the errors by frame; a note instead where the reference is too noisy for them."""
+    try:
+        return curves.convergence(data)
+    except NoisyReferenceError as error:
+        notes.append(str(error))
+        return {}
 
 
 def _powers(data: Measured) -> dict[str, curves.Values]:
