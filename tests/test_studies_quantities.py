@@ -190,15 +190,15 @@ def test_the_image_that_is_measured_is_checked(name: str, refused: bool) -> None
 
 def test_all_runs_are_checked_and_the_advice_is_enough() -> None:
     rng = np.random.default_rng(10)
-    images = 1.0 + 0.02 * rng.standard_normal((2, 1, *SHAPE))
-    images[1] += 0.08 * rng.standard_normal(SHAPE)
-    # The variance is 0.0036 in the mean; the first run alone would be refused.
-    data = _data({"a": _grey(images)}, _noisy(0.002))
+    images = 1.0 + 0.002 * rng.standard_normal((2, 1, *SHAPE))
+    images[1] += 0.008 * rng.standard_normal(SHAPE)
+    # The variance is 3.6e-5 in the mean; the first run alone would be refused.
+    data = _data({"a": _grey(images)}, _noisy(2e-5))
     check_reference(data, data.runs, "relmse")
-    data = _data({"a": _grey(images)}, _noisy(0.0162))
-    with pytest.raises(NoisyReferenceError, match="82 %.*; give the reference 5 times"):
+    data = _data({"a": _grey(images)}, _noisy(16.2e-5))
+    with pytest.raises(NoisyReferenceError, match=r"82 %.*; give the reference 5 times"):
         check_reference(data, data.runs, "relmse")
-    surer = _data({"a": _grey(images)}, _noisy(0.0162 / 5))
+    surer = _data({"a": _grey(images)}, _noisy(16.2e-5 / 5))
     check_reference(surer, surer.runs, "relmse")
 
 
