@@ -191,6 +191,27 @@ def mean_interval(values: ArrayLike, *, level: float = 0.95) -> Interval:
     return Interval(mean, mean - half, mean + half, error, level)
 
 
+def with_known_error(mean: Interval, runs: int, error: float) -> Interval:
+    """
+    Widen the interval of a mean over runs by another error that is known.
+
+    Parameters
+    ----------
+    mean : Interval
+        Of `mean_interval`.
+    runs : int
+        Of the mean.
+    error : float
+        A standard error, independent of the runs; with Welch's degrees of freedom.
+    """
+    if error == 0.0:
+        return mean
+    total = float(np.hypot(mean.standard_error, error))
+    freedom = (runs - 1) * (total / max(mean.standard_error, 1e-3 * total)) ** 4
+    half = float(stats.t.isf((1.0 - mean.level) / 2.0, freedom)) * total
+    return Interval(mean.value, mean.value - half, mean.value + half, total, mean.level)
+
+
 def percentile_interval(value: float, draws: ArrayLike, *, level: float = 0.95) -> Interval:
     """
     Interval between the percentiles of bootstrap draws of a value.

@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ..analysis import intervals, metrics
 from ..analysis.bias import mean_test
 from ..analysis.images import FloatArray, luminance
 from ..analysis.intervals import Interval
 from ..analysis.pixel_bias import mean_bias, squared_pixel_bias
 from .results import Measured, Row, Run
-from .scalars import lone, make_row, reference_of
+from .scalars import lone, make_row, per_run, reference_of
 
 BLOCK = 8
 _LEVEL = 0.05
 _LEAST_RUNS = 4
+
+
+def mean_ratios(data: Measured) -> Iterator[Row]:
+    """Mean luminance of all frames over the reference's, whose error is in the interval."""
+    reference = reference_of(data).unsmoothed
+    rows = per_run(
+        data, "mean ratio", "", lambda run: metrics.mean_ratio(run.mean, reference.image)
+    )
+    for row in rows:
+        total = float(np.sqrt(reference.luminance_variance.sum()))
+        error = row.value.value * total / float(reference.luminance.sum())
+        yield replace(row, value=intervals.with_known_error(row.value, row.runs, error))
 
 
 def paired_mean(data: Measured) -> Iterator[Row]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..analysis import metrics
-from .biases import block_biases, paired_mean, pixel_biases
+from .biases import block_biases, mean_ratios, paired_mean, pixel_biases
 from .correlations import (
     bands,
     clipped_covariance,
@@ -117,8 +117,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "mean_ratio": Quantity(
         "mean luminance of all frames over the reference's",
-        of_mean("mean ratio", lambda _, image, r: metrics.mean_ratio(image, r.image)),
+        mean_ratios,
         needs_reference=True,
+        checked=None,
     ),
     "filtered_mse": Quantity(
         "mean squared relative error of a frame, clipped at 4, through a Gaussian of 1.5 pixels",
