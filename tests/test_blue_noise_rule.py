@@ -27,6 +27,7 @@ from mitsuba_restir.passes.blue_noise_rule import (
     normalised,
 )
 from mitsuba_restir.passes.decorrelate import metropolis_hastings
+from mitsuba_restir.passes.neighborhood import pixels_of_set, set_lanes
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.sampling.georgiev import energy, image_energy
 from mitsuba_restir.studies import load_study, run_study
@@ -142,7 +143,9 @@ def test_sets_are_a_partition_of_distant_pixels(rgb):
     for size in ((1, 1), (7, 5), (8, 12)):
         found = []
         for number in range(SPACING**2):
-            pixel, inside = rule_module._pixels_of_set(mi.UInt32(number), size)
+            width, height = (mi.UInt32(n) for n in size)
+            lanes = set_lanes(size, SPACING)
+            pixel, inside = pixels_of_set(mi.UInt32(number), SPACING, lanes, width, height)
             chosen = np.array(pixel)[np.array(inside)]
             x, y = chosen % size[0], chosen // size[0]
             assert len(np.unique(x % SPACING)) <= 1
@@ -317,17 +320,16 @@ def test_bias_is_named(rgb):
     assert not unbiased.parameters.biased
 
 
-@pytest.mark.parametrize("blue_noise", ["none", "mutation"])
-def test_share_of_mutations_that_raise_the_target_function(rgb, blue_noise):
+def test_share_of_mutations_that_raise_the_target_function(rgb):
     scene = references.CASES["room"].load()
-    renderer = integrator(5, reusing(3, blue_noise=blue_noise))
+    renderer = integrator(5, reusing(3))
     for seed in range(3):
         renderer.render(scene, seed=seed, spp=1)
     for entry in renderer.statistics()["mutations"].values():
         if entry["acceptance"] * entry["share"] > 0.02:
             # Detailed balance: as much upwards as downwards. The chains are nearly in equilibrium.
             assert entry["raised"] + entry["lowered"] <= 1 + 1e-9
-            assert entry["raised"] == pytest.approx(entry["lowered"], abs=0.2)
+            assert entry["raised"] == pytest.approx(entry["lowered"], abs=0.1)
 
 
 @pytest.mark.parametrize("blue_noise", RULES)

@@ -58,7 +58,7 @@ def test_a_reweighted_choice_is_unbiased_given_the_estimates():
 
 
 def test_the_masked_choice_takes_every_rank_equally_often(mask):
-    """Its random shifts make the mask's value at a pixel uniform: the mean is the estimates'."""
+    """Its random offset makes the mask's value at a pixel uniform: the mean is the estimates'."""
     rng = np.random.default_rng(3)
     estimates = np.exp(rng.standard_normal((4, 64, 64)))
     shown = np.stack([masked_choice(estimates, mask, rng) for _ in range(400)])

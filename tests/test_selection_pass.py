@@ -20,7 +20,7 @@ from support import rooms
 from support.mutants import Mutation, apply
 
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
-from mitsuba_restir.passes import color_history, selection
+from mitsuba_restir.passes import color_history, neighborhood, selection
 from mitsuba_restir.passes.color_history import ColorHistory, no_color_history, remember
 from mitsuba_restir.passes.neighborhood import OFFSETS, local_mean, similar_neighbors
 from mitsuba_restir.passes.primary import primary
@@ -105,8 +105,9 @@ def chosen(hits, mean, estimators, reference, sample=0):
 
 def pixels_of_set(index, order):
     width, height = (mi.UInt32(n) for n in SIZE)
-    lanes = -(-WIDTH // selection.SPACING) * -(-HEIGHT // selection.SPACING)
-    return selection.pixels_of_set(mi.UInt32(index), order, lanes, width, height)
+    lanes = neighborhood.set_lanes(SIZE, selection.SPACING)
+    number = selection.set_in_turn(mi.UInt32(index), order)
+    return neighborhood.pixels_of_set(number, selection.SPACING, lanes, width, height)
 
 
 def random_frame(shape=0.5, valid=None):

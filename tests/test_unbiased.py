@@ -67,6 +67,11 @@ def test_dithered_seeds(rgb, name, mode):
     check(name, mode, runs, power, label=f"{name}-{mode}-dithered", blue_noise_seeds=True)
 
 
+def test_dithered_seeds_and_ranked_neighbors(rgb):
+    parameters = {"blue_noise_seeds": True, "neighbor_sampling": "blue_noise", "mutations": 2}
+    check("room", "both", *ROOM, label="room-dithered-ranked", **parameters)
+
+
 def test_a_fixed_mask_is_seen(rgb, monkeypatch):
     drawn = Dither.stream
 

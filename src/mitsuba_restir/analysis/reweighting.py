@@ -64,7 +64,7 @@ def uniform_choice(estimates: FloatArray, mask: FloatArray, rng: np.random.Gener
 
 
 def masked_choice(estimates: FloatArray, mask: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Sorted estimates, and the uniform number from a mask that is shifted at random."""
+    """Sorted estimates, and the uniform number from a mask, shifted and offset at random."""
     shift = tuple(rng.integers(mask.shape))
     u = (np.roll(mask, shift, (0, 1)) + rng.random()) % 1.0
     return reweighted(np.sort(estimates, axis=0), _uniform(estimates), u)

@@ -57,13 +57,8 @@ _CHOICES = {
     "shift": ("hybrid", "reconnection", "random_replay"),
     "connectability": ("footprint", "distance_roughness"),
     "neighbor_sampling": tuple(SAMPLING),
-    "blue_noise": ("none", *RULE, SELECTION, "redistribution"),
+    "blue_noise": ("none", *RULE, SELECTION),
 }
-
-_LATER = {
-    "blue_noise": ("redistribution",),
-}
-"""Announced values that are not there yet."""
 
 
 def read_parameters(props: Any) -> Parameters:
@@ -97,12 +92,6 @@ def read_parameters(props: Any) -> Parameters:
         blue_noise_seeds=_boolean(props, "blue_noise_seeds", False),
         aovs=_aovs(props.get("aovs", "")),
     )
-    for name, later in _LATER.items():
-        if props.get(name) in later:
-            ready = ", ".join(value for value in _CHOICES[name] if value not in later)
-            raise ValueError(
-                f"restir_pt: {name}={props[name]!r} is not available yet; use one of {ready}"
-            )
     if parameters.blue_noise in RULE and parameters.mutations == 0:
         raise ValueError(
             f"restir_pt: blue_noise={parameters.blue_noise!r} is a rule for mutations and needs "

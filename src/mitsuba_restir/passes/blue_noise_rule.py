@@ -34,6 +34,7 @@ from ..shifts.mapping import ShiftMapping
 from ..shifts.perturb import State
 from ..shifts.pivot import mutation_class
 from .decorrelate import Acceptance, Mutated, decorrelate
+from .neighborhood import pixels_of_set, set_lanes
 
 TEMPERATURE = 1e-3
 """T. The document has it "near 0"; energies are sums of about ten terms between 1/e and 1."""
@@ -170,24 +171,26 @@ def mutate_by_rule(
         Compare with the neighbours' values as they are by now, a sixteenth of the pixels moving at
         a time. Otherwise with those before the pass, as in the document.
     """
-    width, height = size
-    around = surroundings(reservoirs, (dr.opaque(mi.UInt32, width), dr.opaque(mi.UInt32, height)))
+    pixels = math.prod(size)
+    width, height = (dr.opaque(mi.UInt32, n) for n in size)
+    around = surroundings(reservoirs, (width, height))
     steps = (mutations, step, sample, seed, mapping)
     if not updated:
-        pixel = dr.arange(mi.UInt32, width * height)
+        pixel = dr.arange(mi.UInt32, pixels)
         rule = blue_noise_rule(around, pixel, reservoirs.weight, blend)
         return decorrelate(scene, sensor, reservoirs, hits, *steps, rule)
 
-    accepted, raised, lowered = (dr.zeros(mi.UInt32, width * height) for _ in range(3))
-    angle = dr.zeros(mi.Float, width * height)
+    accepted, raised, lowered = (dr.zeros(mi.UInt32, pixels) for _ in range(3))
+    angle = dr.zeros(mi.Float, pixels)
     total = Mutated(mutation_class(reservoirs.path), accepted, raised, lowered, angle)
     result = dr.copy(reservoirs)
     dr.eval(total, result)
     # The order of the sets changes from frame to frame: the stream of the pixel after the last.
-    order = pass_stream(MUTATION, dr.opaque(mi.UInt32, width * height), sample, seed)
+    order = pass_stream(MUTATION, dr.opaque(mi.UInt32, pixels), sample, seed)
     first, _ = order.words(0, 0)
     for index in range(SPACING**2):
-        pixel, inside = _pixels_of_set(first ^ dr.opaque(mi.UInt32, index), size)
+        number = (first + dr.opaque(mi.UInt32, index)) % SPACING**2
+        pixel, inside = pixels_of_set(number, SPACING, set_lanes(size, SPACING), width, height)
         own = dr.gather(Reservoir, reservoirs, pixel, inside)
         there = dr.gather(PrimaryHit, hits, pixel, inside)
         rule = blue_noise_rule(around, pixel, own.weight, blend)
@@ -198,14 +201,3 @@ def mutate_by_rule(
         dr.scatter(around.values, value, pixel, inside)
         dr.eval(result, total, around)
     return result, total
-
-
-def _pixels_of_set(number: Any, size: tuple[int, int]) -> tuple[Any, Any]:
-    """Row-major indices of every fourth pixel of every fourth row, and which are in the image."""
-    columns, rows = (-(-n // SPACING) for n in size)
-    index = dr.arange(mi.UInt32, columns * rows)
-    across = index // dr.opaque(mi.UInt32, columns)
-    width, height = (dr.opaque(mi.UInt32, n) for n in size)
-    x = (index - across * dr.opaque(mi.UInt32, columns)) * SPACING + (number & 3)
-    y = across * SPACING + ((number >> 2) & 3)
-    return y * width + x, (x < width) & (y < height)

@@ -1,7 +1,8 @@
-"""The 20 pixels around each pixel, as far as they lie in the image and look alike."""
+"""The 20 pixels around each pixel, as far as they are in the image and alike; sets out of reach."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import drjit as dr
@@ -28,6 +29,42 @@ ADJACENT = sum(1 << i for i, (x, y) in enumerate(OFFSETS) if max(abs(x), abs(y))
 def moved(pixel: Any, offset: tuple[int, int], width: Any) -> Any:
     """Row-major index of the pixel at an offset; it must be in the image."""
     return mi.UInt32(mi.Int32(pixel) + offset[1] * mi.Int32(width) + offset[0])
+
+
+def set_lanes(size: tuple[int, int], spacing: int) -> int:
+    """How many lanes :func:`pixels_of_set` needs in an image of this size."""
+    return math.prod(-(-n // spacing) for n in size)
+
+
+def pixels_of_set(
+    number: Any, spacing: int, lanes: int, width: Any, height: Any
+) -> tuple[Any, Any]:
+    """Every n-th pixel of every n-th row.
+
+    Parameters
+    ----------
+    number : UInt32
+        Which set, below ``spacing**2``.
+    spacing : int
+        The distance n.
+    lanes : int
+        See :func:`set_lanes`.
+    width, height : UInt32
+        Size of the image.
+
+    Returns
+    -------
+    pixel : UInt32
+        Row-major index.
+    inside : Bool
+        Whether it lies in the image.
+    """
+    columns = (width + (spacing - 1)) // spacing
+    lane = dr.arange(mi.UInt32, lanes)
+    row = lane // columns
+    x = (lane - row * columns) * spacing + number % spacing
+    y = row * spacing + number // spacing
+    return y * width + x, (x < width) & (y < height)
 
 
 def similar_neighbors(hits: PrimaryHit, width: Any, height: Any, step: int = 1) -> Any:

@@ -35,7 +35,16 @@ import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
 from ..sampling.streams import SELECTION, pass_stream, uniform2
-from .neighborhood import ADJACENT, OFFSETS, counts, local_mean, moved, similar_neighbors
+from .neighborhood import (
+    ADJACENT,
+    OFFSETS,
+    counts,
+    local_mean,
+    moved,
+    pixels_of_set,
+    set_lanes,
+    similar_neighbors,
+)
 from .spatial import PairEstimators
 
 SIGMA = 1.0
@@ -89,9 +98,10 @@ def select(
     dr.eval(alike, limit, error, shown)
 
     order = uniform2(pass_stream(SELECTION, 0, sample, seed), 0, 0)
-    lanes = math.prod(-(-n // SPACING) for n in size)
+    lanes = set_lanes(size, SPACING)
     for index in range(SPACING**2):
-        pixel, inside = pixels_of_set(dr.opaque(mi.UInt32, index), order, lanes, width, height)
+        number = set_in_turn(dr.opaque(mi.UInt32, index), order)
+        pixel, inside = pixels_of_set(number, SPACING, lanes, width, height)
         own_limit = dr.gather(mi.Color3f, limit, pixel, inside)
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
         around = dr.gather(mi.UInt32, alike, pixel, inside)
@@ -146,10 +156,8 @@ def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:
     return total
 
 
-def pixels_of_set(
-    index: Any, order: tuple[Any, Any], lanes: int, width: Any, height: Any
-) -> tuple[Any, Any]:
-    """The pixels whose turn it is.
+def set_in_turn(index: Any, order: tuple[Any, Any]) -> Any:
+    """Number of the set whose turn it is (``UInt32``).
 
     The sets take turns in an order that changes from frame to frame, or the same pixels would
     always choose first.
@@ -160,26 +168,9 @@ def pixels_of_set(
         Number of the turn, below ``SPACING**2``.
     order : (Float, Float)
         Two uniform random numbers. They choose one of the 54 orders i -> (factor i + first) mod 9.
-    lanes : int
-        Pixels of the largest set.
-    width, height : UInt32
-        Size of the image.
-
-    Returns
-    -------
-    pixel : UInt32
-        Row-major index.
-    inside : Bool
-        Whether it lies in the image.
     """
     sets = SPACING**2
     first, choice = mi.UInt32(order[0] * sets), mi.UInt32(order[1] * (sets - SPACING))
     # 1, 2, 4, 5, 7, 8: the factors that have no divisor in common with the number of sets.
     factor = choice + choice // (SPACING - 1) + 1
-    number = (factor * index + first) % sets
-    columns = (width + (SPACING - 1)) // SPACING
-    lane = dr.arange(mi.UInt32, lanes)
-    row = lane // columns
-    x = (lane - row * columns) * SPACING + number % SPACING
-    y = row * SPACING + number // SPACING
-    return y * width + x, (x < width) & (y < height)
+    return (factor * index + first) % sets

@@ -24,7 +24,7 @@ import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
-from .streams import DIRECTION, LIGHT, LOBE, Stream, to_unit
+from .streams import DIRECTION, LIGHT, LOBE, Stream
 
 _ROUNDS = 4
 _OFFSETS = 0x5851F42D  # keeps the offsets' hashes apart from those of paths and passes
@@ -74,16 +74,6 @@ class MaskTexture:
         column = (mi.UInt32(x) + (key & 0xFFFF)) & inside
         row = (mi.UInt32(y) + (key >> 16)) & inside
         return dr.gather(mi.UInt32, self.levels, (row << self.bits) | column)
-
-    def uniform(self, x: Any, y: Any, key: Any, jitter: Any) -> Any:
-        """Number in [0, 1), uniform over keys: the level plus jitter within the rank's cell.
-
-        Parameters
-        ----------
-        jitter : UInt32
-            Word with uniform upper bits, one per pixel.
-        """
-        return to_unit(self.level(x, y, key) + (jitter >> (2 * self.bits)))
 
 
 def mask_texture(ranks: npt.ArrayLike) -> MaskTexture:

@@ -211,6 +211,21 @@ class _Swapper:
     def _try_swaps(
         self, pixels: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]], temperature: float
     ) -> int:
+        here, change = self._changes(pixels)
+        half = len(change)
+        chosen = change < -_MARGIN
+        if temperature > 0.0:
+            chance = np.exp(-np.maximum(change, 0.0) / temperature)
+            chosen = self.rng.random(half) < chance
+        first, second = here[:half][chosen], here[half:][chosen]
+        for array in (self.values, self.source):
+            array[first], array[second] = array[second], array[first]
+        return int(chosen.sum())
+
+    def _changes(
+        self, pixels: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
+    ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+        """Pixels, and what the swap of the i-th of each half changes the energy by."""
         row, column = pixels
         half = len(row) // 2
         here = (row * self.size + column)[: 2 * half]
@@ -225,12 +240,4 @@ class _Swapper:
         before = _likeness(neighbours - own[:, None]) @ self.weights
         after = _likeness(neighbours - other[:, None]) @ self.weights
         # Both pixels' terms, and each pair is in the energy in both orders.
-        change = 2.0 * (after - before).reshape(2, half).sum(axis=0)
-        chosen = change < -_MARGIN
-        if temperature > 0.0:
-            chance = np.exp(-np.maximum(change, 0.0) / temperature)
-            chosen = self.rng.random(half) < chance
-        first, second = here[:half][chosen], here[half:][chosen]
-        for array in (self.values, self.source):
-            array[first], array[second] = array[second], array[first]
-        return int(chosen.sum())
+        return here, 2.0 * (after - before).reshape(2, half).sum(axis=0)
