@@ -193,6 +193,13 @@ def test_miss_probability_against_noncentral_t() -> None:
             assert found == pytest.approx(expected, abs=0.03)
 
 
+def test_many_units_of_few_runs_can_be_tested() -> None:
+    runs = 1.0 + 0.1 * np.random.default_rng(20).standard_normal((4, 256, 256))
+    test = bias.mean_test(runs, np.ones((256, 256)), block=8)
+    assert test.passed
+    assert np.isinf(test.detectable)
+
+
 def test_sidak() -> None:
     assert power.sidak(0.01, 1) == pytest.approx(0.01)
     assert 1 - (1 - power.sidak(0.01, 12345)) ** 12345 == pytest.approx(0.01)

@@ -65,7 +65,8 @@ def detectable_error(
     Returns
     -------
     float
-        Relative error, e.g. 0.01 for one per cent; infinite where all values are zero.
+        Relative error, e.g. 0.01 for one per cent; infinite where all values are zero, and for
+        hundreds of units of 4 runs, where `miss_probability` is too rough to promise anything.
     """
     shift = np.abs(np.asarray(value, dtype=np.float64)) / np.asarray(standard_error)
     strongest = float(shift.max())
@@ -79,4 +80,6 @@ def detectable_error(
         return float(np.log(np.maximum(miss, 1e-300)).sum() - goal)
 
     low, high = np.log(1e-6 / strongest), np.log(_LARGEST_SHIFT / strongest)
+    if excess(low) <= 0.0:
+        return float("inf")
     return float(np.exp(optimize.brentq(excess, low, high, xtol=1e-4)))
