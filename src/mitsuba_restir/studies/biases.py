@@ -6,18 +6,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
 from ..analysis import intervals, metrics
-from ..analysis.bias import mean_test
+from ..analysis.bias import BiasTest, mean_test
 from ..analysis.images import FloatArray, luminance
 from ..analysis.intervals import Interval
 from ..analysis.pixel_bias import mean_bias, squared_pixel_bias
-from .results import Measured, Row, Run
+from .results import Measured, ReferenceImage, Row, Run
 from .scalars import lone, make_row, per_run, reference_of
 
 BLOCK = 8
 _LEVEL = 0.05
-_LEAST_RUNS = 4
+LEAST_RUNS = 4
+"""From fewer, no block could be told to be off."""
 
 
 def mean_ratios(data: Measured) -> Iterator[Row]:
@@ -40,6 +42,20 @@ def paired_mean(data: Measured) -> Iterator[Row]:
             yield make_row(data, name, "mean against the baseline, minus 1", "", value, None)
 
 
+def block_test(runs: Sequence[Run], reference: ReferenceImage) -> BiasTest:
+    """Test blocks of pixels of the mean of all frames against the reference before smoothing."""
+    sharp = reference.unsmoothed
+    return mean_test(_means(runs), sharp.luminance, sharp.luminance_variance, block=BLOCK)
+
+
+def block_scores(runs: Sequence[Run], reference: ReferenceImage) -> FloatArray:
+    """Return the blocks' deviations, (h, w), as normal scores: the same for any number of runs."""
+    test = block_test(runs, reference)
+    tiny = np.finfo(np.float64).tiny
+    scores = stats.norm.isf(0.5 * np.maximum(test.p_values, tiny))
+    return np.asarray((np.sign(test.statistic) * scores)[..., 0])
+
+
 def block_biases(data: Measured) -> Iterator[Row]:
     """
     Blocks of pixels whose mean luminance differs from the reference's, and a test of all together.
@@ -47,13 +63,11 @@ def block_biases(data: Measured) -> Iterator[Row]:
     Of blocks without a bias 5 % differ. The test's p-value is that of the most different block,
     corrected for their number: heavy tails make it small as well.
     """
-    reference = reference_of(data).unsmoothed
+    reference = reference_of(data)
     for name, runs in data.runs.items():
-        if len(runs) < _LEAST_RUNS:
+        if len(runs) < LEAST_RUNS:
             continue
-        test = mean_test(
-            _means(runs), reference.luminance, reference.luminance_variance, block=BLOCK
-        )
+        test = block_test(runs, reference)
         share = float(np.mean(test.p_values < _LEVEL))
         corrected = float(-np.expm1(test.p_values.size * np.log1p(-test.p_values.min())))
         title = f"blocks of {BLOCK} pixels off the reference, 5 % by chance"

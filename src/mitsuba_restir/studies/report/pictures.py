@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
 from ...analysis.covariance_images import covariance_map
 from ...analysis.denoise import denoise
 from ...analysis.images import FloatArray, luminance
-from ...analysis.units import block_sums
 from ...imageio import to_srgb8
-from ..biases import BLOCK
+from ..biases import BLOCK, LEAST_RUNS, block_scores
 from ..frame_errors import CLIP, SIGMA, relative_errors
 from ..results import Image, Measured, ReferenceImage, Run
 from .colours import Picture, diverging
@@ -22,7 +20,6 @@ from .colours import Picture, diverging
 # Errors have full colour at one of these, the first above twice the root mean square.
 _SCALES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 _SCORE = 4.0
-_LEAST_RUNS = 4
 _PERCENTILE = 99.0
 
 
@@ -126,7 +123,7 @@ def galleries(data: Measured, shown: Shown) -> list[Gallery]:
         found += [
             _errors(shown),
             _seen_errors(shown),
-            _bias(shown, data.reference.unsmoothed),
+            _bias(shown, data.reference),
             _covariances(shown, data.reference),
         ]
     return [gallery for gallery in found if gallery.pictures]
@@ -175,26 +172,19 @@ def _seen_errors(shown: Shown) -> Gallery:
 
 def _bias(shown: Shown, reference: ReferenceImage) -> Gallery:
     """Means of blocks, whose noise is nearly normal, against the reference's."""
-    truth = _block_sums(reference.luminance)
-    known = _block_sums(reference.luminance_variance)
-    pictures = {}
-    for name, runs in shown.runs.items():
-        if len(runs) < _LEAST_RUNS:
-            continue
-        sums = np.stack([_block_sums(luminance(run.mean)) for run in runs])
-        error = np.sqrt(sums.var(axis=0, ddof=1) / len(runs) + known)
-        score = (sums.mean(axis=0) - truth) / np.maximum(error, 1e-30)
-        pictures[name] = np.kron(diverging(score / _SCORE), np.ones((4, 4, 1), dtype=np.uint8))
+    pictures = {
+        name: np.kron(
+            diverging(block_scores(runs, reference) / _SCORE), np.ones((4, 4, 1), dtype=np.uint8)
+        )
+        for name, runs in shown.runs.items()
+        if len(runs) >= LEAST_RUNS
+    }
     about = (
-        f"Mean of all frames and runs against the reference in blocks of {BLOCK} pixels, over its "
-        f"standard error: full colour at ±{_SCORE:.0f}. Without a bias one block in 20 is beyond "
-        "2; colours that keep together are a bias, or a distribution with a heavy tail."
+        f"Mean of all frames and runs against the reference in blocks of {BLOCK} pixels, as normal "
+        f"scores of Student's t: full colour at ±{_SCORE:.0f}. Without a bias one block in 20 is "
+        "beyond 2; colours that keep together are a bias, or a distribution with a heavy tail."
     )
     return Gallery("bias", "Bias", about, pictures)
-
-
-def _block_sums(image: npt.NDArray[np.float64]) -> FloatArray:
-    return np.asarray(block_sums(image[..., None], BLOCK)[0][..., 0])
 
 
 def _covariances(shown: Shown, reference: ReferenceImage) -> Gallery:
