@@ -571,6 +571,30 @@ def test_ctrl_c_says_how_to_go_on(
     assert "the same command goes on" in lines[0]
 
 
+@pytest.mark.parametrize("cause", [KeyboardInterrupt(), RuntimeError("[jit.cpp:9] too large")])
+def test_what_stops_the_rendering_is_unwrapped(
+    cause: BaseException,
+    study: Study,
+    tmp_path: Path,
+    log: list[tuple[str, int]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Dr.Jit names only its own operation, and what stopped it as the cause."""
+
+    def draw(seed: int) -> Any:
+        raise RuntimeError("drjit.custom(): error (see above).") from cause
+
+    renderer = Renderer(draw, lambda: None, False)
+    monkeypatch.setattr(runner, "make_renderer", lambda *arguments: renderer)
+    code = main([str(tmp_path / "small.toml"), "-o", str(tmp_path / "out")])
+    interrupted = isinstance(cause, KeyboardInterrupt)
+    assert code == (130 if interrupted else 1)
+    (line,) = capsys.readouterr().err.splitlines()
+    expected = "the same command goes on" if interrupted else "small: rendering failed: too large"
+    assert line.endswith(expected)
+
+
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "moved", "other study"])
 def test_damaged_files_are_not_accepted(
     damage: str, study: Study, tmp_path: Path, log: list[tuple[str, int]]

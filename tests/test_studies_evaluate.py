@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mitsuba_restir import cli
 from mitsuba_restir.cli import evaluate
 from mitsuba_restir.cli.arguments import OneLineParser
 from mitsuba_restir.errors import RenderError, UsageError
-from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study
+from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study, runner
 from mitsuba_restir.studies.adapt import on_scene, quick, without
+from mitsuba_restir.studies.lock import FolderLock
+from mitsuba_restir.studies.store import StudyFolder
+from mitsuba_restir.studies.table import Table
 
 READY = ("thesis", "decorrelation", "blue_noise", "shifts", "convergence", "moving_camera")
 
@@ -194,6 +198,36 @@ def test_a_study_ends_in_a_report(
     page = (out / "report.html").read_text("utf-8")
     assert f"mitsuba-restir evaluate {file} -o {out} --quick -s max_depth=4" in page
     assert f"Report: {out / 'report.html'}" in capsys.readouterr().out
+
+
+def test_ctrl_c_says_how_to_go_on(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluate, "run_folder", interrupted)
+    assert cli.main(["evaluate", file, "-o", str(tmp_path / "out")]) == cli.INTERRUPTED
+    assert capsys.readouterr().err.splitlines() == [
+        "mitsuba-restir: interrupted; finished runs are kept, the same command goes on"
+    ]
+
+
+def test_the_folder_is_locked_until_the_report_is_written(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+
+    def write(folder: StudyFolder, table: Table, command: str) -> Path:
+        with pytest.raises(UsageError, match="in use by another process"):
+            FolderLock(out)
+        return out
+
+    monkeypatch.setattr(runner, "render_missing", lambda *arguments: None)
+    monkeypatch.setattr(runner, "measure", lambda folder: Table([]))
+    monkeypatch.setattr(evaluate, "write_report", write)
+    assert _evaluate(file, "-o", str(out)) == 0
+    FolderLock(out).release()
 
 
 KILLER = """

@@ -48,18 +48,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             options = build_parser().parse_args(arguments)
             return int(options.run(options))
-        except KeyboardInterrupt:
-            return _interrupted()
+        except KeyboardInterrupt as error:
+            return _interrupted(error)
         except RestirError as error:
             # Ctrl-C inside a plugin arrives as the cause of an error of Dr.Jit's.
             if isinstance(root(error), KeyboardInterrupt):
-                return _interrupted()
+                return _interrupted(root(error))
             print(f"mitsuba-restir: {one_line(error)}", file=sys.stderr)
             return error.exit_code
 
 
-def _interrupted() -> int:
-    print("mitsuba-restir: interrupted", file=sys.stderr)
+def _interrupted(error: BaseException) -> int:
+    # What a command has to say about it.
+    text = f"; {error}" if str(error) else ""
+    print(f"mitsuba-restir: interrupted{text}", file=sys.stderr)
     return INTERRUPTED
 
 

@@ -13,11 +13,12 @@ from typing import Any
 from rich.console import Console
 
 from ..errors import UsageError
-from ..studies import load_study, packaged_studies, run_study, write_report
+from ..studies import load_study, packaged_studies, write_report
 from ..studies.adapt import on_scene, quick, without
 from ..studies.config import Reference, Study
 from ..studies.dask_cluster import dask_cluster
 from ..studies.progress import progress_bar
+from ..studies.runner import run_folder
 from ..studies.store import StudyFolder
 
 
@@ -65,18 +66,27 @@ def add_command(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the study; 0 when the report is written."""
     study = _study(options)
-    folder = Path(options.output or _folder(options, study))
-    runs_on = dask_cluster(options.dask) if options.dask else nullcontext()
-    with runs_on as cluster, progress_bar(study.name) as report:
-        table = run_study(study, folder, report, cluster)
+    path = Path(options.output or _folder(options, study))
+    try:
+        # Two processes at once would mix their figures: the folder stays locked for the report.
+        with StudyFolder(path, study) as folder:
+            _evaluate(folder, options.dask, _command(options, path))
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt("finished runs are kept, the same command goes on") from error
+    return 0
+
+
+def _evaluate(folder: StudyFolder, dask: str | None, command: str) -> None:
+    name = folder.study.name
+    runs_on = dask_cluster(dask) if dask else nullcontext()
+    with runs_on as cluster, progress_bar(name) as report:
+        table = run_folder(folder, report, cluster)
     for note in table.notes:
         print(f"mitsuba-restir: {note}", file=sys.stderr)
     # Without a terminal there is no width to keep to; 80 columns would break every number.
     console = Console(width=None if sys.stdout.isatty() else 140)
-    table.show(console, f"{study.name} ({folder})")
-    page = write_report(StudyFolder(folder, study), table, _command(options, folder))
-    print(f"Report: {page}")
-    return 0
+    table.show(console, f"{name} ({folder.path})")
+    print(f"Report: {write_report(folder, table, command)}")
 
 
 def _study(options: argparse.Namespace) -> Study:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -98,8 +99,10 @@ class Results:
 
     def report(self) -> Path:
         """Write the HTML report and return its path."""
-        command = f"python -m mitsuba_restir.studies {self.path / 'config.toml'} -o {self.path}"
-        return write_report(StudyFolder(self.path, self.study), self.table, command)
+        words = ["mitsuba-restir", "evaluate", self.path / "config.toml", "-o", self.path]
+        with StudyFolder(self.path, self.study) as folder:
+            folder.claim()
+            return write_report(folder, self.table, shlex.join(map(str, words)))
 
     @cached_property
     def _first(self) -> Measured:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..errors import RenderError, RestirError, one_line, root
 from .config import Size, Study
 from .derived import with_derived
 from .measuring import measure_across, measure_size
@@ -56,17 +58,37 @@ def run_study(
     UsageError
         The study cannot be run as it is; nothing has been rendered.
     RenderError
-        A result could not be written.
+        A frame could not be rendered, or a result not written.
     """
+    with StudyFolder(path, study) as folder:
+        return run_folder(folder, progress, cluster)
+
+
+def run_folder(
+    folder: StudyFolder, progress: Progress | None = None, cluster: Cluster | None = None
+) -> Table:
+    """Do as `run_study`, in a folder that stays locked until it is released."""
+    study = folder.study
     if study.reference is not None and study.reference.file:
         read_reference(study)
-    folder = StudyFolder(path, study)
-    try:
+    with _rendering(study):
         render_missing(folder, progress or _silent, cluster)
-        folder.claim()
-        return measure(folder)
-    finally:
-        folder.release()
+    folder.claim()
+    return measure(folder)
+
+
+@contextmanager
+def _rendering(study: Study) -> Iterator[None]:
+    """Make an interrupt, or one line, of what Dr.Jit makes of it."""
+    try:
+        yield
+    except (RestirError, RuntimeError, SystemError, ValueError, MemoryError) as error:
+        cause = root(error)
+        if isinstance(cause, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        if isinstance(error, RestirError):
+            raise
+        raise RenderError(f"{study.name}: rendering failed: {one_line(cause)}") from error
 
 
 def measure(folder: StudyFolder) -> Table:

@@ -32,6 +32,8 @@ class StudyFolder:
     Every file is complete or absent, carries digests of the configuration and the scene that it was
     rendered with, and is refused where it cannot be read or its variant was rendered otherwise.
 
+    At the end of its context it is given free.
+
     Parameters
     ----------
     path : Path
@@ -81,6 +83,12 @@ class StudyFolder:
         self.write(PROVENANCE, (json.dumps(self._history, indent=1) + "\n").encode())
         write_atomically(self.path / "config.toml", dump_study(self.study))
         self._note_environment()
+
+    def __enter__(self) -> StudyFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
 
     def release(self) -> None:
         """Give the folder free for other processes."""
