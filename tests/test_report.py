@@ -47,7 +47,8 @@ frames = 3
 runs = 6
 keep = "all"
 seed = 5
-quantities = ["rmse", "relmse_trimmed", "covariance", "equal_time", "time"]
+quantities = ["rmse", "relmse_trimmed", "covariance", "equal_time", "time",
+    "rmse_relative"]
 
 [published.better]
 RMSE = 0.125
@@ -287,6 +288,8 @@ def test_the_report_is_one_file(results: Results) -> None:
     noise = re.search(r"([\d.]+) % of a pixel.s luminance in the median", unescape(text))
     # 4 batches of 160 samples each, whose noise is log-normal of 0.5 / sqrt(160), all channels.
     assert noise is not None
+    assert "A part of it stays in “relMSE, trimmed”." in unescape(text)
+    assert "What is clipped favours images that are too dark" in text
     assert float(noise[1]) == pytest.approx(100 * 0.5 / 640**0.5, rel=0.4)
     assert "mitsuba-restir evaluate" in text
     ids = re.findall(r' id="([^"]+)"', text)

@@ -35,7 +35,7 @@ class Part:
     baselines : mapping of str to str
         What each variant is compared with.
     reference : str
-        How sure the reference is.
+        How sure the reference is, and what errors leave out.
     strip : array, (H, W, 3), uint8, or None
     galleries : sequence of Gallery
     figures : mapping of str to str

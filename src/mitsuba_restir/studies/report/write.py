@@ -11,7 +11,7 @@ import numpy as np
 
 from ...imageio import encode_exr, encode_png
 from ..arrays import make_folder
-from ..config import Study
+from ..config import Reference, Study
 from ..files import dump_study
 from ..frame_errors import chain_spectra
 from ..noise import NoisyReferenceError
@@ -31,11 +31,14 @@ NAME = "report.html"
 
 # The number under a variant's name in the strip: the first of these that the study has.
 _CAPTIONS = (
-    ("relative RMSE, clipped", "relative RMSE"),
-    ("relMSE, trimmed", "relMSE"),
+    ("relative RMSE, clipped", "relative RMSE, clipped"),
+    ("relMSE, trimmed", "relMSE, trimmed"),
     ("RMSE", "RMSE"),
     ("time of a frame", "time"),
 )
+
+# Not linear in the squared error: the curve of a display, and leaving out the worst pixels.
+_WITH_ITS_ERROR = ("RMSE, displayed", "relMSE, trimmed")
 
 
 def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
@@ -65,8 +68,11 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
     notes = list(table.notes)
     parts = []
     lines: dict[str, list[curves.Record]] = {"curves": [], "spectra": [], "covariances": []}
+    samples = {}
     for size in study.sizes:
         data = load_size(folder, size)
+        if data.reference is not None:
+            samples[data.size] = data.reference.samples
         powers = _powers(data)
         found = Curves(
             _convergence(data, notes),
@@ -85,7 +91,7 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
         study.name,
         study.about,
         command,
-        _facts(study),
+        _facts(study, samples),
         list(dict.fromkeys(notes)),
         parts,
         table.rows,
@@ -148,25 +154,33 @@ def _part(
         top,
         data.baseline,
         data.baselines,
-        _noise_of_reference(data),
+        _about_errors(data, {row.quantity for row in rows if row.size == data.size}),
         overview,
         pictures,
         drawings,
     )
 
 
-def _noise_of_reference(data: Measured) -> str:
-    """Say how sure the reference is; nothing where that is not known."""
+def _about_errors(data: Measured, quantities: set[str]) -> str:
+    """Say how sure the reference is, where that is known, and what clipping does."""
     reference = data.reference
-    if reference is None or not reference.variance.any():
-        return ""
-    relative = np.sqrt(reference.luminance_variance) / np.maximum(reference.luminance, 1e-30)
-    median, worst = 100.0 * np.percentile(relative[reference.luminance > 0.0], [50.0, 90.0])
-    return (
-        "Squared errors and powers are without the reference's own error, which is "
-        f"{median:.2g} % of a pixel's luminance in the median and {worst:.2g} % at the 90th "
-        "percentile."
-    )
+    sentences = []
+    if reference is not None and reference.variance.any():
+        relative = np.sqrt(reference.luminance_variance) / np.maximum(reference.luminance, 1e-30)
+        median, worst = 100.0 * np.percentile(relative[reference.luminance > 0.0], [50.0, 90.0])
+        sentences.append(
+            "Squared errors and powers are without the reference's own error, which is "
+            f"{median:.2g} % of a pixel's luminance in the median and {worst:.2g} % at the 90th "
+            "percentile."
+        )
+        if with_it := [f"“{name}”" for name in _WITH_ITS_ERROR if name in quantities]:
+            sentences.append(f"A part of it stays in {' and '.join(with_it)}.")
+    if any("clipped" in name for name in quantities):
+        sentences.append(
+            "What is clipped favours images that are too dark: of errors that are very bright only "
+            "a part counts. Look at the mean and at what is not clipped, too."
+        )
+    return " ".join(sentences)
 
 
 def _galleries(
@@ -197,7 +211,8 @@ def _captions(rows: Sequence[Row], size: str) -> dict[str, str]:
     return {}
 
 
-def _facts(study: Study) -> dict[str, str]:
+def _facts(study: Study, samples: Mapping[str, int]) -> dict[str, str]:
+    """Return what the reader should know, with the samples of the reference of every size."""
     apart = f", {study.stride} apart" if study.stride > 1 else ""
     facts = {
         "Scene": study.scene,
@@ -207,9 +222,21 @@ def _facts(study: Study) -> dict[str, str]:
         "Baseline": study.baseline,
     }
     if study.reference is not None:
-        spp = study.reference.spp
-        facts["Reference"] = f"path, {spp} samples per pixel" if spp else study.reference.file
+        facts["Reference"] = _origin(study.reference, samples)
     return facts
+
+
+def _origin(reference: Reference, samples: Mapping[str, int]) -> str:
+    """Say what a reference is made of: fewer samples than asked for where its noise allowed it."""
+    if reference.file:
+        origin = reference.file
+    elif len(set(samples.values())) == 1:
+        origin = f"path, {next(iter(samples.values()))} samples per pixel"
+    else:
+        counts = ", ".join(f"{count} at {size}" for size, count in samples.items())
+        origin = f"path, samples per pixel: {counts}"
+    smooth = f", smoothed by a Gaussian of {reference.smooth:g} px" if reference.smooth else ""
+    return origin + smooth
 
 
 def _csv(records: Sequence[curves.Record]) -> bytes:
