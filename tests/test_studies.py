@@ -12,7 +12,7 @@ import sys
 import time
 import zipfile
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from mitsuba_restir.studies.config import Study, Variant
 from mitsuba_restir.studies.files import dump_study
 from mitsuba_restir.studies.quantities import QUANTITIES
 from mitsuba_restir.studies.rendering import Renderer, seed_of
+from mitsuba_restir.studies.report.write import _facts
 from mitsuba_restir.studies.results import ReferenceImage
 from mitsuba_restir.studies.store import StudyFolder
 from mitsuba_restir.studies.tables import from_table, to_table
@@ -418,6 +419,11 @@ def test_a_reference_is_rendered_to_a_stated_noise(
     rendered = len([1 for name, _ in log if name == "reference"])
     assert 12 <= rendered <= 22
     assert not table.notes
+    used = reference_module.load_reference(
+        StudyFolder(tmp_path / "one", load_study(file, changes)), (24, 16)
+    )
+    assert used is not None
+    assert used.samples == 4 * rendered
     expected = _numbers(tmp_path / "one")
     # More batches of another study change nothing here.
     run_study(load_study(file, ["reference={spp=160, batches=40}"]), tmp_path / "two")
@@ -429,6 +435,17 @@ def test_a_reference_is_rendered_to_a_stated_noise(
     changes[0] = "reference={spp=160, batches=40, noise=0.001}"
     table = run_study(load_study(file, changes), tmp_path / "one")
     assert any("not 0.1 %: 160 samples per pixel are not enough" in note for note in table.notes)
+
+
+def test_the_report_states_the_samples_that_were_used(study: Study) -> None:
+    assert study.reference is not None
+    smooth = replace(study, reference=replace(study.reference, smooth=1.5))
+    for changed, samples, expected in (
+        (study, {"24x16": 48}, "path, 48 samples per pixel"),
+        (study, {"24x16": 48, "8x8": 32}, "path, samples per pixel: 48 at 24x16, 32 at 8x8"),
+        (smooth, {"24x16": 48, "8x8": 48}, "path, 48 samples per pixel, smoothed by a Gaussian of"),
+    ):
+        assert _facts(changed, samples)["Reference"].startswith(expected)
 
 
 def test_references_are_shared_between_studies(

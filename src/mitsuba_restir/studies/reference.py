@@ -57,7 +57,7 @@ def smooth(reference: ReferenceImage, sigma: float) -> ReferenceImage:
     impulse[impulse.shape[0] // 2, impulse.shape[1] // 2] = 1.0
     weights = ndimage.gaussian_filter(impulse, sigma)
     variance = _blur(reference.variance, sigma / np.sqrt(2.0)) * float(np.sum(weights**2))
-    return ReferenceImage(image, variance, sigma, reference)
+    return ReferenceImage(image, variance, sigma, reference, reference.samples)
 
 
 def _blur(image: npt.NDArray[np.float64], sigma: float) -> npt.NDArray[np.float64]:
@@ -120,7 +120,8 @@ class _Mean:
         """Return the mean and its variance."""
         mean = self._sum / self.count
         spread = np.maximum(self._squares / self.count - mean**2, 0.0)
-        return ReferenceImage(mean, spread / max(self.count - 1, 1))
+        samples = self.count * (self._reference.spp // self._reference.batches)
+        return ReferenceImage(mean, spread / max(self.count - 1, 1), samples=samples)
 
     def is_enough(self) -> bool:
         """Say whether no more batches are wanted."""

@@ -57,12 +57,15 @@ class ReferenceImage:
         Standard deviation in pixels of the Gaussian that both have been smoothed by.
     sharp : ReferenceImage or None
         What was smoothed. Its pixels err independently, as sums over pixels have to know.
+    samples : int
+        Samples per pixel that it was rendered from; zero where that is not known.
     """
 
     image: npt.NDArray[np.float64]
     variance: npt.NDArray[np.float64]
     smooth: float = 0.0
     sharp: ReferenceImage | None = None
+    samples: int = 0
 
     @property
     def unsmoothed(self) -> ReferenceImage:
