@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import re
@@ -18,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
@@ -290,6 +292,26 @@ def test_the_numbers_are_those_of_the_images(
     text = (tmp_path / "out" / "results.csv").read_text()
     records = list(csv.DictReader(text.splitlines()))
     assert [float(r["value"]) for r in records] == [r.value.value for r in table.rows]
+
+
+def test_published_values_are_a_column(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+) -> None:
+    assert "published" not in run_study(study, tmp_path / "out").csv()
+    file = str(tmp_path / "small.toml")
+    table = run_study(load_study(file, ["published.better.RMSE=0.125"]), tmp_path / "out")
+    for records in (table.records(), json.loads(table.json())):
+        found = {(r["variant"], r["quantity"]): r["published"] for r in records}
+        assert found["better", "RMSE"] == 0.125
+        assert found["plain", "RMSE"] is None
+    lines = list(csv.DictReader(table.csv().splitlines()))
+    assert sorted({line["published"] for line in lines}) == ["", "0.125"]
+    console = Console(width=200, record=True, file=io.StringIO())
+    table.show(console, "title")
+    assert re.search(r"published.*better[^\n]* 0\.125 ", console.export_text(), re.DOTALL)
+    # Of what was not measured, nothing is shown.
+    table = run_study(load_study(file, ["published.better.relRMSE=0.125"]), tmp_path / "out")
+    assert "published" not in table.csv()
 
 
 @pytest.mark.parametrize("name", QUANTITIES)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,18 @@ def test_ready_made_studies_are_there(name: str) -> None:
     assert all(width * height <= 15000 for width, height in small.sizes)
     assert (small.reference is None) == (study.reference is None)
     assert small.runs * (small.frames + small.warmup) <= 4 * 14
+
+
+def test_the_text_of_a_changed_study_is_true() -> None:
+    study = load_study("thesis")
+    for changed in (on_scene(study, "cornell"), quick(study), quick(on_scene(study, "cornell"))):
+        first = changed.about.split("\n\n")[0]
+        assert "No published values are shown. What follows is about the study as it was" in first
+        assert changed.about.count("What follows") == 1
+        assert changed.about.endswith(study.about)
+    assert "in another scene" in on_scene(study, "cornell").about
+    silent = replace(study, about="")
+    assert "What follows" not in quick(silent).about
 
 
 def test_variants_can_be_left_out() -> None:

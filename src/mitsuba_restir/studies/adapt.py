@@ -12,11 +12,24 @@ _QUICK_PIXELS = 160 * 90
 _QUICK_REFERENCE = Reference(spp=512, batches=16)
 _REFERENCE = Reference(spp=2048, batches=32)
 
+_AS_IT_WAS = (
+    "No published values are shown. What follows is about the study as it was, with its own scene, "
+    "sizes and frames."
+)
+
 
 def on_scene(study: Study, scene: str) -> Study:
     """Put another scene in a study: its whole view, a rendered reference, no published values."""
     reference = None if study.reference is None else _REFERENCE
-    return replace(study, scene=scene, view=None, crop=None, reference=reference, published={})
+    return replace(
+        study,
+        scene=scene,
+        view=None,
+        crop=None,
+        reference=reference,
+        published={},
+        about=_about(f"The variants of “{study.name}” in another scene.", study.about),
+    )
 
 
 def quick(study: Study) -> Study:
@@ -27,7 +40,7 @@ def quick(study: Study) -> Study:
     """
     reference = None if study.reference is None else _QUICK_REFERENCE
     sizes = tuple(dict.fromkeys(_smaller(size) for size in study.sizes))
-    about = "A quick look at small images: its numbers only show that everything works."
+    look = "A quick look at small images: its numbers only show that everything works."
     return replace(
         study,
         sizes=sizes,
@@ -38,7 +51,7 @@ def quick(study: Study) -> Study:
         stride=1,
         reference=reference,
         published={},
-        about=f"{about}\n\n{study.about}".strip(),
+        about=_about(look, study.about),
     )
 
 
@@ -66,6 +79,15 @@ def without(study: Study, names: Collection[str]) -> Study:
     lost = {n: replace(v, baseline="") if v.baseline in names else v for n, v in left.items()}
     baseline = "" if study.baseline in names else study.baseline
     return replace(study, variants=lost, baseline=baseline)
+
+
+def _about(change: str, original: str) -> str:
+    """Say what was changed; what the study says of its frames and of others' values is its own."""
+    if not original:
+        return change
+    # A study may be changed twice.
+    link = " " if _AS_IT_WAS in original else f" {_AS_IT_WAS}\n\n"
+    return change + link + original
 
 
 def _smaller(size: Size) -> Size:

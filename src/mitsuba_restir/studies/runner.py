@@ -101,7 +101,8 @@ def measure(folder: StudyFolder) -> Table:
         found, refused = measure_size(study, data)
         rows += found
         notes += refused
-    table = Table(rows + measure_across(study, sizes), tuple(dict.fromkeys(notes)))
+    rows += measure_across(study, sizes)
+    table = Table(rows, tuple(dict.fromkeys(notes)), study.published)
     folder.write("results.csv", table.csv().encode())
     folder.write("results.json", table.json().encode())
     return table

@@ -6,14 +6,16 @@ import csv
 import io
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import rich.table
 from rich.console import Console
 
 from ..analysis.intervals import Interval
 from .results import Row
+
+Record = dict[str, str | int | float | None]
 
 _COLUMNS = (
     "size",
@@ -41,19 +43,32 @@ class Table:
     rows : sequence of Row
     notes : sequence of str
         What the user should know about them, such as files that could not be used.
+    published : mapping of str to mapping of str to float
+        Values of others, by variant and quantity; a column where any row has one.
     """
 
     rows: Sequence[Row]
     notes: Sequence[str] = ()
+    published: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
-    def records(self) -> list[dict[str, str | int | float | None]]:
+    def records(self) -> list[Record]:
         """Return one flat record for each row; None where a number is not defined."""
-        return [_record(row) for row in self.rows]
+        if not self._shows_published:
+            return [_record(row) for row in self.rows]
+        return [{**_record(row), "published": self._published(row)} for row in self.rows]
+
+    def _published(self, row: Row) -> float | None:
+        return self.published.get(row.variant, {}).get(row.quantity)
+
+    @property
+    def _shows_published(self) -> bool:
+        return any(self._published(row) is not None for row in self.rows)
 
     def csv(self) -> str:
         """Return the records as CSV with a header."""
         text = io.StringIO()
-        writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+        columns = [*_COLUMNS, "published"] if self._shows_published else _COLUMNS
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(self.records())
         return text.getvalue()
@@ -69,6 +84,8 @@ class Table:
             table.add_column(name, overflow="fold")
         for name in ("value", "95 % interval", "to baseline", "95 % interval", "p"):
             table.add_column(name, justify="right", no_wrap=True)
+        if self._shows_published:
+            table.add_column("published", justify="right", no_wrap=True)
         before: tuple[str, str] | None = None
         for row in self.rows:
             group = (row.size, row.quantity)
@@ -79,7 +96,11 @@ class Table:
             unit = f" {row.unit}" if row.unit else ""
             ratio = ("", "") if row.ratio is None else _texts(row.ratio, "")
             p_value = "" if row.p_value is None else f"{row.p_value:.2g}"
-            table.add_row(*head, row.variant, *_texts(row.value, unit), *ratio, p_value)
+            cells = [*_texts(row.value, unit), *ratio, p_value]
+            if self._shows_published:
+                other = self._published(row)
+                cells.append("" if other is None else f"{other:.4g}{unit}")
+            table.add_row(*head, row.variant, *cells)
         console.print(table)
 
 
@@ -90,7 +111,7 @@ def _texts(interval: Interval, unit: str) -> tuple[str, str]:
     return value, f"{interval.low:.4g} .. {interval.high:.4g}"
 
 
-def _record(row: Row) -> dict[str, str | int | float | None]:
+def _record(row: Row) -> Record:
     ratio = row.ratio
     return {
         "size": row.size,
