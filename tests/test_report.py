@@ -29,7 +29,7 @@ from mitsuba_restir.studies.biases import block_scores
 from mitsuba_restir.studies.frame_errors import chain_spectra
 from mitsuba_restir.studies.notebook import Results
 from mitsuba_restir.studies.rendering import Renderer
-from mitsuba_restir.studies.report import curves
+from mitsuba_restir.studies.report import curves, figures
 from mitsuba_restir.studies.report.colours import diverging, sequential
 from mitsuba_restir.studies.report.headline import headline, percent, short
 from mitsuba_restir.studies.report.page import _smallest_png
@@ -224,6 +224,17 @@ def test_power_against_the_baseline() -> None:
     lines = curves.radial_records(found, "64x48")
     assert len(lines) == 2 * len(f)
     assert lines[0]["ratio"] == ""
+
+
+def test_the_spectrum_is_drawn_with_its_error() -> None:
+    pytest.importorskip("matplotlib")
+    power = np.array([4.0, 2.0, 1.0])
+    curve = curves.Radial(np.array([0.1, 0.2, 0.4]), power, np.array([0.4, 0.2, 2.0]), None)
+    (band,) = figures.radial({"a": curve}, {"a": "#000000"}).axes[0].collections
+    ends = band.get_paths()[0].vertices
+    for x, low, high in ((0.1, 3.6, 4.4), (0.2, 1.8, 2.2), (0.4, 0.05, 3.0)):
+        drawn = ends[ends[:, 0] == x, 1]
+        assert (drawn.min(), drawn.max()) == pytest.approx((low, high))
 
 
 def test_crops_are_where_there_is_something_to_see() -> None:

@@ -73,10 +73,14 @@ def bars(rows: Sequence[Row], title: str, colours: Colours | None = None) -> Fig
 
 
 def radial(curves: Mapping[str, Radial], colours: Colours) -> Figure:
-    """Draw the power of the relative error against the frequency, mean over directions."""
+    """Draw the power of the relative error by frequency, with its standard error over runs."""
     figure, axes = _axes(3.4)
     for name, curve in curves.items():
         axes.plot(curve.frequency, curve.power, color=colours[name], label=name, linewidth=1.4)
+        # On a logarithmic axis, what reaches below zero has no lower end.
+        low = np.maximum(curve.power - curve.error, 0.05 * curve.power)
+        high = curve.power + curve.error
+        axes.fill_between(curve.frequency, low, high, color=colours[name], alpha=0.15, linewidth=0)
     axes.set(xscale="log", yscale="log", xlabel="frequency [cycles/pixel]", ylabel="power of error")
     _logarithmic(axes.xaxis)
     _legend(axes)

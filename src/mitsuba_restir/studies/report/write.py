@@ -29,9 +29,9 @@ from .strips import strip
 
 NAME = "report.html"
 
-# The number under a variant's name in the strip: the first of these that the study has.
+# The number under a variant's name in the strip, where there is little room: the first of these.
 _CAPTIONS = (
-    ("relative RMSE, clipped", "relative RMSE, clipped"),
+    ("relative RMSE, clipped", "clipped RMSE"),
     ("relMSE, trimmed", "relMSE, trimmed"),
     ("RMSE", "RMSE"),
     ("time of a frame", "time"),
