@@ -113,6 +113,16 @@ def test_bands_know_white_noise() -> None:
     assert errors["b", "relative RMSE, clipped"].ratio.value == pytest.approx(0.5, rel=1e-4)  # type: ignore[union-attr]
 
 
+def _blocks_off(data: Measured, name: str) -> tuple[float, float]:
+    """Share of the blocks that are off, and the p-value of all together."""
+    title = "blocks of 8 pixels off the reference"
+    rows = _rows("block_bias", data)
+    return (
+        rows[name, f"{title}, 5 % by chance"].value.value,
+        rows[name, f"{title}, p of no bias"].value.value,
+    )
+
+
 def test_the_bias_of_pixels_is_found() -> None:
     """A checkerboard of +-4 %: no mean and no block shows it, products of runs do."""
     rng = np.random.default_rng(4)
@@ -134,26 +144,63 @@ def test_the_bias_of_pixels_is_found() -> None:
     assert paired.high - paired.low < 0.5 * (against_truth.high - against_truth.low)
     means = _rows("mean_bias", data)
     assert abs(means["biased", "mean against the baseline, minus 1"].value.value) < 0.002
-    for row in _rows("block_bias", data).values():
-        assert row.value.value < 0.2
-        assert row.p_value is not None
-        assert row.p_value > 1e-3
+    assert means["biased", "mean against the baseline, minus 1"].p_value is not None
+    for name in data.runs:
+        share, p_value = _blocks_off(data, name)
+        assert share < 0.2
+        assert p_value > 1e-3
+    for quantity in ("rms pixel bias", "rms pixel bias against the baseline"):
+        p_value = rows["biased", quantity].p_value
+        assert p_value is not None
+        assert p_value < 1e-3
+
+
+def test_p_values_of_pixel_bias_raise_no_alarm() -> None:
+    rng = np.random.default_rng(12)
+    alarms, trials = np.zeros(2), 100
+    for _ in range(trials):
+        images = 1.0 + 0.2 * rng.standard_normal((2, 5, 1, 32, 32))
+        reference = ReferenceImage(np.ones((32, 32, 3)), np.zeros((32, 32, 3)))
+        rows = _rows("pixel_bias", _data({"a": _grey(images[0]), "b": _grey(images[1])}, reference))
+        for i, quantity in enumerate(("rms pixel bias", "rms pixel bias against the baseline")):
+            p_value = rows["b", quantity].p_value
+            assert p_value is not None
+            alarms[i] += p_value < 0.05
+    assert np.all(alarms < 0.1 * trials)
+
+
+def test_covariances_and_correlations_are_compared() -> None:
+    """Correlated frames against white ones: p-values small there, not where both are alike."""
+    rng = np.random.default_rng(13)
+    white = rng.standard_normal((3, 6, 4, 48, 48))
+    trail = ndimage.uniform_filter1d(white[1], 2, axis=1)
+    blurred = ndimage.gaussian_filter(trail, (0, 0, 1, 1))
+    images = {"a": white[0], "correlated": blurred, "alike": white[2]}
+    truth = np.ones((48, 48, 3))
+    data = _data(
+        {name: _grey(1.0 + 0.1 * e) for name, e in images.items()}, ReferenceImage(truth, 0 * truth)
+    )
+    for quantity, title in (
+        ("covariance", "relative covariance r=8"),
+        ("covariance", "mean correlation r=8"),
+        ("temporal_covariance", "covariance of consecutive frames"),
+    ):
+        rows = _rows(quantity, data)
+        assert rows["a", title].p_value is None
+        found = {name: rows[name, title].p_value for name in ("correlated", "alike")}
+        assert found["correlated"] is not None
+        assert found["correlated"] < 0.01
+        assert found["alike"] is not None
+        assert found["alike"] > 0.02
 
 
 def test_biased_blocks_are_found() -> None:
     rng = np.random.default_rng(5)
     images = 1.0 + 0.2 * rng.standard_normal((8, 4, *SHAPE))
     images[..., :16, :24] *= 1.2
-    (row,) = _rows("block_bias", _data({"a": _grey(images)}, _exact())).values()
-    assert row.value.value > 0.06
-    assert row.p_value is not None
-    assert row.p_value < 1e-4
-
-
-def _blocks_off(reference: ReferenceImage, images: np.ndarray) -> tuple[float, float | None]:
-    """Share of the blocks that are off, and the p-value of all together."""
-    (row,) = _rows("block_bias", _data({"a": _grey(images)}, reference)).values()
-    return row.value.value, row.p_value
+    share, p_value = _blocks_off(_data({"a": _grey(images)}, _exact()), "a")
+    assert share > 0.06
+    assert p_value < 1e-4
 
 
 @pytest.mark.parametrize("sigma", [0.0, 3.0])
@@ -165,11 +212,11 @@ def test_blocks_know_the_reference_before_it_was_smoothed(sigma: float) -> None:
         noisy = _grey(1.0 + 0.2 * rng.standard_normal(SHAPE))
         reference = smooth(ReferenceImage(noisy, np.full_like(noisy, 0.04)), sigma)
         images = 1.0 + 0.2 * rng.standard_normal((8, 1, *SHAPE))
-        share, p_value = _blocks_off(reference, images)
+        share, p_value = _blocks_off(_data({"a": _grey(images)}, reference), "a")
         shares.append(share)
         p_values.append(p_value)
     assert np.mean(shares) == pytest.approx(0.05, abs=0.01)
-    assert np.median(np.array(p_values, dtype=float)) > 0.2
+    assert np.median(p_values) > 0.2
 
 
 @pytest.mark.parametrize("sigma", [0.0, 3.0])

@@ -117,18 +117,18 @@ class Jackknife:
         low, high = ratio * np.exp(-half), ratio * np.exp(half)
         return Interval(ratio, float(low), float(high), ratio * error, level)
 
-    def p_value(self, other: Jackknife) -> float | None:
-        """
-        Return the two-sided p-value of no difference from another statistic of the same runs.
-
-        Student's, of the logarithms where both are positive; None where there is no noise.
-        """
-        positive = self.is_positive and other.is_positive
-        difference = self.log().minus(other.log()) if positive else self.minus(other)
-        error = difference.standard_error
+    def p_value(self) -> float | None:
+        """Return Student's two-sided p-value of zero; None where there is no error."""
+        error = self.standard_error
         if not error > 0.0:
             return None
-        return float(2.0 * stats.t.sf(abs(difference.value) / error, self.left_out.size - 1))
+        return float(2.0 * stats.t.sf(abs(self.value) / error, self.left_out.size - 1))
+
+    def p_value_against(self, other: Jackknife) -> float | None:
+        """Return the p-value of no difference from another statistic, as `over` compares them."""
+        if self.is_positive and other.is_positive:
+            return self.log().minus(other.log()).p_value()
+        return self.minus(other).p_value()
 
 
 def _jackknife_error(left_out: FloatArray) -> float:

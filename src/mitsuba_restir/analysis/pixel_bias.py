@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .images import FloatArray, luminance, runs_luminance, smoothed_reference
-from .intervals import Interval, jackknife_interval, mean_interval
+from .intervals import Interval, Jackknife, jackknife, mean_interval
 
 
 def _relative_chains(
@@ -57,6 +57,24 @@ def squared_pixel_bias(
     Interval
         In squared relative units: 1e-4 is an rms bias of 1 %.
     """
+    found = pixel_bias_jackknife(
+        chains, reference, reference_variance, mask=mask, sigma=sigma, epsilon=epsilon
+    )
+    if found.left_out.size == 2:
+        return Interval(found.value, -np.inf, np.inf, np.inf, level)
+    return found.interval(level=level)
+
+
+def pixel_bias_jackknife(
+    chains: ArrayLike,
+    reference: ArrayLike,
+    reference_variance: ArrayLike = 0.0,
+    *,
+    mask: ArrayLike | None = None,
+    sigma: float = 8.0,
+    epsilon: float = 0.01,
+) -> Jackknife:
+    """Mean squared relative bias of all chains and of all but each; as `squared_pixel_bias`."""
     errors, scale = _relative_chains(chains, reference, sigma, epsilon)
     known = np.broadcast_to(np.asarray(reference_variance, dtype=np.float64), scale.shape)
     inside = np.ones(scale.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
@@ -71,8 +89,8 @@ def squared_pixel_bias(
         return float(both / (count * (count - 1) * chosen.shape[1])) - floor
 
     if picked.shape[0] == 2:
-        return Interval(cross(picked), -np.inf, np.inf, np.inf, level)
-    return jackknife_interval(picked, cross, level=level)
+        return Jackknife(cross(picked), np.full(2, np.nan))
+    return jackknife(picked, cross)
 
 
 def mean_bias(chains: ArrayLike, baseline: ArrayLike, *, level: float = 0.95) -> Interval:

@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from scipy import stats
 
-from ..analysis import intervals, spectrum
+from ..analysis import spectrum
 from ..analysis.covariance import (
-    covariance_of_products,
-    ratio_of_products,
+    correlation_of_products,
     relative_covariance,
-    temporal_covariance,
+    temporal_products,
 )
-from ..analysis.covariance_products import RunProducts, run_products
+from ..analysis.covariance_products import RunProducts, jackknife_of, run_products
 from ..analysis.images import FloatArray, luminance
-from ..analysis.intervals import Interval
 from .frame_errors import CLIP, chain_spectra, frames_of
 from .results import Image, Measured, Row, Run
-from .scalars import make_row, reference_of, rows_of_runs
+from .scalars import reference_of, row_of_jackknife, rows_of_runs
 
 # The low frequencies that eyes and denoisers see; what blue noise has little of.
 _LOW = (0.0, 0.125)
@@ -45,15 +42,15 @@ def _covariance(
 ) -> Iterator[Row]:
     found = {name: _products(data, runs, prepare) for name, runs in data.runs.items()}
     for name, own in found.items():
-        total = covariance_of_products(own)
-        ratio, p_value = None, None
-        if partner := data.partner(name):
-            ratio = ratio_of_products(own, found[partner])
-            p_value = ratio_p_value(ratio, own.runs)
+        base = found.get(data.partner(name) or "")
         quantity = f"relative covariance r=8{label}"
-        yield make_row(data, name, quantity, "", total.covariance, ratio, p_value=p_value)
-        yield make_row(data, name, f"{quantity}, with j=i", "", total.with_self, None)
-        yield make_row(data, name, f"mean correlation r=8{label}", "", total.normalised, None)
+        for title, statistic in (
+            (quantity, lambda products: jackknife_of(products.window_term)),
+            (f"{quantity}, with j=i", lambda products: jackknife_of(products.with_self)),
+            (f"mean correlation r=8{label}", correlation_of_products),
+        ):
+            other = None if base is None else statistic(base)
+            yield row_of_jackknife(data, name, title, statistic(own), other)
 
 
 def _products(
@@ -62,14 +59,6 @@ def _products(
     images = [np.stack([prepare(frame) for frame in frames_of(data, run)]) for run in runs]
     frames = [np.stack(same_frame) for same_frame in zip(*images, strict=True)]
     return run_products(frames, reference_of(data).image)
-
-
-def ratio_p_value(ratio: Interval | None, runs: int) -> float | None:
-    """Two-sided p-value of a ratio against 1: Student's t of its logarithm."""
-    if ratio is None or not (ratio.value > 0.0 and ratio.standard_error > 0.0):
-        return None
-    score = np.log(ratio.value) * ratio.value / ratio.standard_error
-    return float(2.0 * stats.t.sf(abs(score), runs - 1))
 
 
 def bands(data: Measured) -> Iterator[Row]:
@@ -98,18 +87,23 @@ def low_frequencies(data: Measured) -> Iterator[Row]:
     spectra = chain_spectra(data, reference_of(data))
     powers = {name: spectrum.band_power(own, [_LOW])[:, 0] for name, own in spectra.items()}
     yield from rows_of_runs(data, f"power 0-{_LOW[1]:g}", "", powers)
-    for name, own in spectra.items():
-        shares = np.array([spectrum.low_frequency_share(power, limit=_LOW[1]) for power in own])
-        value = intervals.mean_interval(shares)
-        yield make_row(data, name, "low-frequency share, white = 1", "", value, None)
+    shares = {
+        name: np.array([spectrum.low_frequency_share(power, limit=_LOW[1]) for power in own])
+        for name, own in spectra.items()
+    }
+    yield from rows_of_runs(data, "low-frequency share, white = 1", "", shares)
 
 
 def covariance_of_frames(data: Measured) -> Iterator[Row]:
     """Covariance of consecutive frames, where every frame is kept."""
     reference = reference_of(data).image
-    for name, runs in data.runs.items():
-        value = temporal_covariance(np.stack(_luminances(runs)), reference)
-        yield make_row(data, name, "covariance of consecutive frames", "", value, None)
+    found = {
+        name: jackknife_of(temporal_products(np.stack(_luminances(runs)), reference))
+        for name, runs in data.runs.items()
+    }
+    for name, own in found.items():
+        base = found.get(data.partner(name) or "")
+        yield row_of_jackknife(data, name, "covariance of consecutive frames", own, base)
 
 
 def _luminances(runs: Sequence[Run]) -> list[FloatArray]:

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..analysis import intervals
 from ..analysis.images import FloatArray
-from ..analysis.intervals import Interval
 from .results import Measured, Row
 from .scalars import lone, make_row
 
@@ -42,22 +41,23 @@ def of_probe(
                 values = np.array([answer[name] for answer in answers if name in answer])
                 value = intervals.mean_interval(values) if values.size > 1 else lone(values[0])
                 unit = next((u for start, u in (units or {}).items() if name.startswith(start)), "")
-                ratio = _ratio(data, variant, probe, name, values) if compared else None
-                yield make_row(data, variant, name, unit, value, ratio, len(values))
+                ratio, p_value = None, None
+                if compared and (others := _of_baseline(data, variant, probe, name, values)):
+                    p_value = intervals.paired_difference(values, others).p_value
+                    if min(*others, *values) > 0.0:
+                        ratio = intervals.ratio_interval(values, others)
+                yield make_row(data, variant, name, unit, value, ratio, len(values), p_value)
 
     return rows
 
 
-def _ratio(
+def _of_baseline(
     data: Measured, variant: str, probe: str, name: str, values: FloatArray
-) -> Interval | None:
-    """Ratio of a number to the baseline's; None where it is not positive."""
+) -> list[float]:
+    """Return a number of the baseline's same runs; empty where there are none to compare."""
     baseline = data.baselines.get(variant, data.baseline)
-    others = [answer.get(name, 0.0) for answer in data.probed(baseline, probe)]
-    paired = baseline != variant and len(others) == len(values) > 1
-    if not paired or min(others) <= 0.0 or values.min() <= 0.0:
-        return None
-    return intervals.ratio_interval(values, np.array(others))
+    others = [answer[name] for answer in data.probed(baseline, probe) if name in answer]
+    return others if baseline != variant and len(others) == len(values) > 1 else []
 
 
 def memory_slopes(sizes: Sequence[Measured]) -> Iterator[Row]:

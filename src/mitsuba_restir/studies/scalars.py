@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..analysis import intervals, metrics
 from ..analysis.images import FloatArray
-from ..analysis.intervals import Interval
+from ..analysis.intervals import Interval, Jackknife
 from .frame_errors import CLIP, frames_of, mean_square
 from .results import Image, Measured, ReferenceImage, Row, Run
 
@@ -56,6 +56,14 @@ def rows_of_runs(
             ratio = _ratio(own, values[partner])
             p_value = intervals.paired_difference(own, values[partner]).p_value
         yield make_row(data, name, quantity, unit, value, ratio, p_value=p_value)
+
+
+def row_of_jackknife(
+    data: Measured, variant: str, quantity: str, own: Jackknife, base: Jackknife | None
+) -> Row:
+    """Return the row of a statistic of all runs, beside that of the baseline's if there is one."""
+    ratio, p_value = (None, None) if base is None else (own.over(base), own.p_value_against(base))
+    return make_row(data, variant, quantity, "", own.interval(), ratio, p_value=p_value)
 
 
 def _ratio(own: FloatArray, base: FloatArray) -> Interval | None:
