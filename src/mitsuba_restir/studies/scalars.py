@@ -237,7 +237,7 @@ def equal_time(data: Measured) -> Iterator[Row]:
                     *readings,
                 ]
             for reading, cost in readings:
-                value = intervals.bootstrap_ratio(base, cost)
+                value = _ratio(base, cost) or lone(float(base.mean() / cost.mean()))
                 yield make_row(data, name, f"equal time: {reading}{label}", "x", value, None)
 
 
