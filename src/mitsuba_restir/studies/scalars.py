@@ -61,8 +61,15 @@ def rows_of_runs(
 def row_of_jackknife(
     data: Measured, variant: str, quantity: str, own: Jackknife, base: Jackknife | None
 ) -> Row:
-    """Return the row of a statistic of all runs, beside that of the baseline's if there is one."""
-    ratio, p_value = (None, None) if base is None else (own.over(base), own.p_value_against(base))
+    """
+    Return the row of a statistic of all runs, beside that of the baseline's if there is one.
+
+    A baseline that may be zero, such as the covariance of independent pixels, makes no ratio.
+    """
+    ratio = p_value = None
+    if base is not None:
+        p_value, against = own.p_value_against(base), base.interval()
+        ratio = None if against.low <= 0.0 <= against.high else own.over(base)
     return make_row(data, variant, quantity, "", own.interval(), ratio, p_value=p_value)
 
 
