@@ -16,10 +16,10 @@ through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it 
 the sum over the 20 pixels around, as far as they are similar (beyond them a(d) is below 0.14). Each
 pixel is visited once, in nine sets of pixels three apart that see one another's choices.
 
-Ours are the mirror images and the bound: a choice that avoids outliers darkens
-the image, because outliers are bright. With mirror images it can go either way, and errors of more
-than :data:`LIMIT` times the history around are taken for that, on either side. Pixels with a single
-pair, whose candidates would be its two estimates, show their mean.
+Ours are the mirror images and the bound: a choice that avoids outliers darkens the image, because
+outliers are bright. With mirror images it can go either way, and errors of more than :data:`LIMIT`
+times the history around are taken for that, on either side. Pixels with a single pair, whose
+candidates would be its two estimates, show their mean.
 
 The choice depends on the values chosen from, so what is shown is biased. It is for display only:
 nothing of it gets into reservoirs or history.
