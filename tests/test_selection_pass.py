@@ -92,6 +92,12 @@ def image(values):
     return np.stack([np.array(channel) for channel in values], axis=-1).reshape(HEIGHT, WIDTH, 3)
 
 
+def neighborhoods(hits):
+    """Similar neighbours at step 1 and 2, and the image's width."""
+    width, height = (dr.opaque(mi.UInt32, n) for n in SIZE)
+    return *(similar_neighbors(hits, width, height, step) for step in (1, 2)), width
+
+
 def everywhere(count=PAIRS + 1):
     valid = [dr.ones(mi.Bool, WIDTH * HEIGHT) for _ in range(count)]
     dr.make_opaque(valid)
@@ -100,7 +106,9 @@ def everywhere(count=PAIRS + 1):
 
 def chosen(hits, mean, estimators, reference, sample=0):
     frame = dr.opaque(mi.UInt32, sample), dr.opaque(mi.UInt32, 1)
-    return image(selection.select(mean, estimators, reference, hits, SIZE, *frame))
+    return image(
+        selection.select(mean, estimators, reference, neighborhoods(hits)[0], SIZE, *frame)
+    )
 
 
 def pixels_of_set(index, order):
@@ -219,7 +227,7 @@ def test_nothing_leaks_across_edges(edges):
         estimators = PairEstimators([color(v * scale) for v in values], everywhere())
         past = color(reference * np.where(sheet, 3.0 * factor, 1.0))
         if changing:
-            past = color_history.relit(past, color(mean * scale), edges, SIZE)
+            past = color_history.relit(past, color(mean * scale), *neighborhoods(edges))
         shown[factor, changing] = chosen(edges, color(mean * scale), estimators, past)
     for changing in (False, True):
         a, b = shown[1.0, changing], shown[50.0, changing]
@@ -291,16 +299,17 @@ def sequence(hits, field, fed_by_itself=False):
     def step(hits, before, colors, valid, sample, seed):
         mean = sum(colors[1:], colors[0]) / sum(dr.select(v, mi.Float(1), 0) for v in valid)
         dr.eval(mean)
+        alike, further, width = neighborhoods(hits)
         if field.speed:
-            past = color_history.clamped(before.color, mean, hits, SIZE)
+            past = color_history.clamped(before.color, mean, alike, width)
             before = ColorHistory(past, before.frames)
         history = remember(before, mean)
         dr.eval(history)
         past = history.color
         if field.speed:
-            past = color_history.relit(past, mean, hits, SIZE)
+            past = color_history.relit(past, mean, alike, further, width)
         estimators = PairEstimators(colors, valid)
-        shown = selection.select(mean, estimators, past, hits, SIZE, sample, seed)
+        shown = selection.select(mean, estimators, past, alike, SIZE, sample, seed)
         if fed_by_itself:
             history = remember(before, shown)
         dr.eval(history, shown)

@@ -14,6 +14,7 @@ from ..passes.blue_noise_rule import mutate_by_rule
 from ..passes.color_history import ColorHistory, clamped, no_color_history, relit, remember
 from ..passes.decorrelate import Mutated, metropolis_hastings
 from ..passes.initial import initial
+from ..passes.neighborhood import similar_neighbors
 from ..passes.neighbors import SAMPLING, spatial
 from ..passes.primary import Primary
 from ..passes.reproject import reproject
@@ -287,15 +288,17 @@ def share_paths(
 
     colors = None
     if sampled.colors is not None:
-        size, before = (plan.width, plan.height), sampled.colors
+        size, before = _size(plan), sampled.colors
+        alike = similar_neighbors(now.hit, *size)
         if parameters.retrace_history:
-            before = replace(before, color=clamped(before.color, color, now.hit, size))
+            before = replace(before, color=clamped(before.color, color, alike, size[0]))
         colors = remember(before, color)
-        dr.eval(colors)
+        dr.eval(colors, alike)
         reference = colors.color
         if parameters.retrace_history:
-            reference = relit(reference, color, now.hit, size)
-        color = select(color, pairs, reference, now.hit, size, sample, seed)
+            further = similar_neighbors(now.hit, *size, step=2)
+            reference = relit(reference, color, alike, further, size[0])
+        color = select(color, pairs, reference, alike, (plan.width, plan.height), sample, seed)
 
     color += now.emitted
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)

@@ -8,9 +8,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
-from .neighborhood import local_mean, similar_neighbors
+from .neighborhood import local_mean
 
 MEMORY = 64
 """Frames after which the newest's share stays as it is then, and the mean becomes exponential."""
@@ -51,7 +50,7 @@ def remember(before: ColorHistory, mean: Any) -> ColorHistory:
     return ColorHistory(dr.lerp(before.color, mean, 2 / (frames + 1)), frames)
 
 
-def clamped(color: Any, mean: Any, hits: PrimaryHit, size: tuple[int, int]) -> Any:
+def clamped(color: Any, mean: Any, alike: Any, width: Any) -> Any:
     """The history, within one standard deviation of the current frame around each pixel.
 
     Behind the edge of a shadow that moves, it forgets where the edge was. Channel by channel, over
@@ -61,17 +60,17 @@ def clamped(color: Any, mean: Any, hits: PrimaryHit, size: tuple[int, int]) -> A
     ----------
     color, mean : Color3f
         Colour history and this frame's plain average.
-    size : (int, int)
-        Width and height in pixels.
+    alike : UInt32
+        Result of :func:`.neighborhood.similar_neighbors`.
+    width : UInt32
+        Of the image, in pixels.
     """
-    width, height = (dr.opaque(mi.UInt32, n) for n in size)
-    alike = similar_neighbors(hits, width, height)
     centre, square = (local_mean(x, alike, width) for x in (mean, mean * mean))
     deviation = dr.sqrt(dr.maximum(square - centre * centre, 0))
     return dr.clip(color, centre - deviation, centre + deviation)
 
 
-def relit(color: Any, mean: Any, hits: PrimaryHit, size: tuple[int, int]) -> Any:
+def relit(color: Any, mean: Any, alike: Any, further: Any, width: Any) -> Any:
     """The history, made as bright as the current frame around each pixel.
 
     Where the light changes, the history tells where it was. Multiplied by the ratio of local means
@@ -82,12 +81,12 @@ def relit(color: Any, mean: Any, hits: PrimaryHit, size: tuple[int, int]) -> Any
     ----------
     color, mean : Color3f
         Colour history and this frame's plain average.
-    size : (int, int)
-        Width and height in pixels.
+    alike, further : UInt32
+        Results of :func:`.neighborhood.similar_neighbors` at step 1 and 2.
+    width : UInt32
+        Of the image, in pixels.
     """
-    width, height = (dr.opaque(mi.UInt32, n) for n in size)
     before, now = target(color), target(mean)
-    for step in (1, 2):
-        alike = similar_neighbors(hits, width, height, step)
-        before, now = (local_mean(x, alike, width, step) for x in (before, now))
+    for step, counted in enumerate((alike, further), 1):
+        before, now = (local_mean(x, counted, width, step) for x in (before, now))
     return color * dr.select(before > 0, now / before, 0)

@@ -33,7 +33,6 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.primary_hit import PrimaryHit
 from ..sampling.streams import SELECTION, pass_stream, uniform2
 from .neighborhood import (
     ADJACENT,
@@ -43,7 +42,6 @@ from .neighborhood import (
     moved,
     pixels_of_set,
     set_lanes,
-    similar_neighbors,
 )
 from .spatial import PairEstimators
 
@@ -63,7 +61,7 @@ def select(
     mean: Any,
     estimators: PairEstimators,
     reference: Any,
-    hits: PrimaryHit,
+    alike: Any,
     size: tuple[int, int],
     sample: Any,
     seed: Any,
@@ -78,8 +76,8 @@ def select(
         The pair estimators.
     reference : Color3f
         Colour history.
-    hits : PrimaryHit
-        Primary hits.
+    alike : UInt32
+        Result of :func:`.neighborhood.similar_neighbors`.
     size : (int, int)
         Width and height in pixels.
     sample, seed : UInt32
@@ -91,7 +89,6 @@ def select(
         One of each pixel's candidates.
     """
     width, height = (dr.opaque(mi.UInt32, n) for n in size)
-    alike = similar_neighbors(hits, width, height)
     limit = LIMIT * local_mean(reference, alike & ADJACENT, width)
     error = bounded(mean - reference, limit)
     shown = dr.copy(mean)
