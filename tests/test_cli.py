@@ -373,6 +373,7 @@ def test_interrupting_the_process_keeps_whole_files(folder):
         signal.signal(signal.SIGINT, heard)
         deadline = time.monotonic() + 120
         while not Path("out_0002.png").exists() and time.monotonic() < deadline:
+            assert process.poll() is None
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
         try:

@@ -237,6 +237,22 @@ def test_the_spectrum_is_drawn_with_its_error() -> None:
         assert (drawn.min(), drawn.max()) == pytest.approx((low, high))
 
 
+@pytest.mark.parametrize(
+    ("values", "scale"),
+    [((1.0, 3.0), "linear"), ((0.1, 30.0), "log"), ((-0.1, 30.0), "linear")],
+)
+def test_far_apart_values_are_drawn_by_decades(values: tuple[float, ...], scale: str) -> None:
+    pytest.importorskip("matplotlib")
+    rows = [
+        Row("64x40", name, "RMSE", "", Interval(value, value - 0.2, value + 0.2, 0.1), None, 6)
+        for name, value in zip("ab", values, strict=True)
+    ]
+    axes = figures.quantity(rows, "RMSE").axes[0]
+    assert axes.get_xscale() == scale
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b"]
+    assert axes.yaxis_inverted()
+
+
 def test_crops_are_where_there_is_something_to_see() -> None:
     y = np.linspace(0.4, 1.0, 200)[None, :] * np.ones((120, 1))
     i, j = np.mgrid[40:80, 80:120]

@@ -89,7 +89,7 @@ def test_measured_frames_are_a_stride_apart(
         total = units
 
     run_study(study, tmp_path / "out", progress)
-    assert total == 2 * 2 * 11 + 4
+    assert total == 2 * 2 * 11 + 64
     # What has no history is only rendered where it is measured; 3 frames of rehearsal each.
     assert drawn == {"path": 3 + 2 * 3, "restir": 3 + 2 * 11, "reference": 4}
     run = StudyFolder(tmp_path / "out", study).load_run((24, 16), "restir", 0)

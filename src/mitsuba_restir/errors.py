@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class RestirError(Exception):
@@ -41,3 +43,30 @@ def one_line(message: object) -> str:
     line = " ".join(text.split())
     line = re.sub(r"\[\w+\.(?:cpp|h):\d+\] ", "", line)
     return re.sub(r'(?:At|While loading) dictionary node "root": ', "", line)
+
+
+@contextmanager
+def rendering(name: str = "") -> Iterator[None]:
+    """
+    Turn what Mitsuba and Dr.Jit raise within into an interrupt, or an error of one line.
+
+    Parameters
+    ----------
+    name : str
+        What is rendered, for the message.
+
+    Raises
+    ------
+    RenderError
+        Rendering failed.
+    """
+    try:
+        yield
+    except (RestirError, RuntimeError, SystemError, ValueError, MemoryError) as error:
+        cause = root(error)
+        if isinstance(cause, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        if isinstance(error, RestirError):
+            raise
+        prefix = f"{name}: " if name else ""
+        raise RenderError(f"{prefix}rendering failed: {one_line(cause)}") from error

@@ -13,10 +13,7 @@ from .images import luminance, smoothed_reference
 from .intervals import (
     Interval,
     PairedDifference,
-    bootstrap_interval,
-    bootstrap_ratio,
     mean_interval,
-    median_interval,
     paired_difference,
     ratio_interval,
 )
@@ -43,8 +40,6 @@ __all__ = [
     "RelativeCovariance",
     "band_power",
     "batch_means",
-    "bootstrap_interval",
-    "bootstrap_ratio",
     "compare_bands",
     "covariance_map",
     "covariance_ratio",
@@ -58,7 +53,6 @@ __all__ = [
     "mean_interval",
     "mean_ratio",
     "mean_test",
-    "median_interval",
     "paired_difference",
     "pixel_covariance",
     "power_spectrum",

@@ -1,4 +1,4 @@
-"""How sure a number is: bootstrap and jackknife intervals over runs, paired differences."""
+"""How sure a number is: Student's and jackknife intervals over runs, paired differences."""
 
 from __future__ import annotations
 
@@ -212,70 +212,6 @@ def with_known_error(mean: Interval, runs: int, error: float) -> Interval:
     return Interval(mean.value, mean.value - half, mean.value + half, total, mean.level)
 
 
-def percentile_interval(value: float, draws: ArrayLike, *, level: float = 0.95) -> Interval:
-    """
-    Interval between the percentiles of bootstrap draws of a value.
-
-    Draws that are not finite are left out: with very few runs, a resample can consist of one run
-    alone, for which a ratio of variances is not defined.
-    """
-    d = np.asarray(draws, dtype=np.float64)
-    d = d[np.isfinite(d)]
-    if d.size < 2:
-        nan = float("nan")
-        return Interval(float(value), nan, nan, nan, level)
-    tail = 50.0 * (1.0 - level)
-    low, high = np.percentile(d, [tail, 100.0 - tail])
-    return Interval(float(value), float(low), float(high), float(d.std(ddof=1)), level)
-
-
-def resample_counts(runs: int, resamples: int, seed: int) -> FloatArray:
-    """
-    How often each run occurs in each bootstrap resample.
-
-    Returns
-    -------
-    ndarray, (resamples, runs)
-        Every row sums to `runs`.
-    """
-    rng = np.random.default_rng(seed)
-    return rng.multinomial(runs, np.full(runs, 1.0 / runs), size=resamples).astype(np.float64)
-
-
-def bootstrap_interval(
-    values: ArrayLike,
-    statistic: Statistic | None = None,
-    *,
-    level: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
-) -> Interval:
-    """
-    Percentile bootstrap over runs.
-
-    Parameters
-    ----------
-    values : array_like, (K, ...)
-        One entry of each independent run.
-    statistic : callable, optional
-        Maps resampled values (K, ...) to a number; the mean by default.
-    level : float
-        Coverage. With fewer than about 15 runs the percentile interval is too short;
-        `mean_interval` and `ratio_interval` are better there.
-    resamples, seed : int
-        Number of resamples, and what fixes them.
-    """
-    a = _runs(values)
-    if statistic is None:
-        # All resamples of a mean at once: many times faster than the loop below.
-        flat = a.reshape(a.shape[0], -1).mean(axis=1)
-        draws = resample_counts(a.shape[0], resamples, seed) @ flat / a.shape[0]
-        return percentile_interval(float(flat.mean()), draws, level=level)
-    rng = np.random.default_rng(seed)
-    picks = rng.integers(0, a.shape[0], size=(resamples, a.shape[0]))
-    return percentile_interval(statistic(a), [statistic(a[p]) for p in picks], level=level)
-
-
 def ratio_interval(
     first: ArrayLike, second: ArrayLike, *, paired: bool = True, level: float = 0.95
 ) -> Interval:
@@ -323,20 +259,6 @@ def jackknife(values: ArrayLike, statistic: Statistic) -> Jackknife:
     return Jackknife(float(statistic(a)), np.array(left_out, dtype=np.float64))
 
 
-def jackknife_interval(values: ArrayLike, statistic: Statistic, *, level: float = 0.95) -> Interval:
-    """
-    A smooth statistic of runs with its jackknife error and Student's interval.
-
-    Parameters
-    ----------
-    values : array_like, (K, ...)
-        One entry of each independent run.
-    statistic : callable
-        Maps values (K', ...) to a number.
-    """
-    return jackknife(values, statistic).interval(level=level)
-
-
 def paired_difference(
     first: ArrayLike, second: ArrayLike, *, level: float = 0.95, seed: int = 0
 ) -> PairedDifference:
@@ -362,43 +284,3 @@ def paired_difference(
         rng=np.random.default_rng(seed),
     )
     return PairedDifference(mean_interval(a - b, level=level), float(test.pvalue))
-
-
-def median_interval(values: ArrayLike, *, level: float = 0.95) -> Interval:
-    """
-    Median with the interval between two order statistics, which needs no distribution.
-
-    Parameters
-    ----------
-    values : array_like, (n,)
-        Independent measurements, which frames of one run are not. With fewer than 6 the interval at
-        95 % is that of the extremes, whose coverage is smaller.
-    """
-    a = np.sort(_runs(values).ravel())
-    rank = int(stats.binom.ppf((1.0 - level) / 2.0, a.size, 0.5))
-    rank = max(rank - 1, 0)
-    low, high = float(a[rank]), float(a[a.size - 1 - rank])
-    error = (high - low) / (2.0 * float(stats.norm.isf((1.0 - level) / 2.0)))
-    return Interval(float(np.median(a)), low, high, error, level)
-
-
-def bootstrap_ratio(
-    first: ArrayLike,
-    second: ArrayLike,
-    *,
-    level: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
-) -> Interval:
-    """
-    Ratio of two means over common runs, mean(first) / mean(second), by the paired bootstrap.
-
-    Parameters
-    ----------
-    first, second : array_like, (K,)
-        Entry k of both comes from the same run (seed) k.
-    """
-    a, b = _pair(first, second)
-    counts = resample_counts(a.size, resamples, seed)
-    ratio = float(a.mean() / b.mean())
-    return percentile_interval(ratio, (counts @ a) / (counts @ b), level=level)

@@ -20,7 +20,7 @@ from rich.progress import track
 
 from .. import imageio
 from ..analysis import metrics
-from ..errors import RenderError, UsageError, one_line, root
+from ..errors import UsageError, rendering
 from ..imageio import Image
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
@@ -167,7 +167,7 @@ def run(options: argparse.Namespace) -> int:
             f"pixels, the images have {size[0]}x{size[1]}"
         )
     output.prepare_folder(options.make_reference.parent if options.make_reference else folder)
-    try:
+    with rendering():
         if options.make_reference:
             spp = options.reference_spp
             image = _render_reference(scene, sensor, depths, spp, options.seed)
@@ -185,8 +185,6 @@ def run(options: argparse.Namespace) -> int:
             given = _render_reference(scene, sensor, depths, spp, options.seed)
             source = f"path, {spp} samples per pixel"
         _render_all(runs, scene, sensor, options.frames, options.seed, given)
-    except (RuntimeError, ValueError, MemoryError) as error:
-        raise RenderError(f"rendering failed: {one_line(root(error))}") from error
     rows = [entry.row(given) for entry in runs]
     title = f"{options.scene}, {size[0]}x{size[1]}, depth {depths['max_depth']}"
     compare_report.write(folder, title, rows, given)

@@ -11,7 +11,7 @@ from typing import Any
 import mitsuba as mi
 
 from .. import __version__, camera_path
-from ..errors import RenderError, UsageError, one_line, root
+from ..errors import UsageError, rendering
 from ..imageio import RGB, Image, with_rgb
 from . import denoising, loading, output
 from .arguments import as_dict, assignment, integer, positive_seconds, resolution
@@ -163,18 +163,12 @@ def run(options: argparse.Namespace) -> int:
         return with_rgb(image, len(channels) - len(RGB))
 
     try:
-        for frame, image in run_frames(render_frame, schedule):
-            writer.add(frame, image)
-    except (RuntimeError, ValueError, MemoryError) as error:
+        with rendering():
+            for frame, image in run_frames(render_frame, schedule):
+                writer.add(frame, image)
+    finally:
         writer.finish()
         _report(writer, start)
-        raise RenderError(f"rendering failed: {one_line(root(error))}") from error
-    except (KeyboardInterrupt, RenderError):
-        writer.finish()
-        _report(writer, start)
-        raise
-    writer.finish()
-    _report(writer, start)
     return 0
 
 

@@ -54,10 +54,6 @@ class Geometry:
         """Shift the texture coordinates, so that equal parts show different texture."""
         return replace(self, uv=self.uv + np.array([u, v]))
 
-    def swap_uv(self) -> Geometry:
-        """Exchange u and v: turns the grain of a texture by 90 degrees."""
-        return replace(self, uv=self.uv[:, ::-1])
-
 
 def merge(parts: Iterable[Geometry]) -> Geometry:
     """Join meshes into one; vertices are kept apart."""

@@ -65,7 +65,7 @@ class Results:
         if not rows:
             known = dict.fromkeys(row.quantity for row in self.table.rows)
             raise UsageError(f"no '{quantity}' at {size}: there are {', '.join(known)}")
-        return figures.bars(rows, quantity)
+        return figures.quantity(rows, quantity)
 
     def convergence(self, over: str = "frames") -> Figure:
         """

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..errors import RenderError, RestirError, one_line, root
+from ..errors import rendering
 from .config import Size, Study
 from .derived import with_derived
 from .measuring import measure_across, measure_size
@@ -71,24 +70,10 @@ def run_folder(
     study = folder.study
     if study.reference is not None and study.reference.file:
         read_reference(study)
-    with _rendering(study):
+    with rendering(study.name):
         render_missing(folder, progress or _silent, cluster)
     folder.claim()
     return measure(folder)
-
-
-@contextmanager
-def _rendering(study: Study) -> Iterator[None]:
-    """Make an interrupt, or one line, of what Dr.Jit makes of it."""
-    try:
-        yield
-    except (RestirError, RuntimeError, SystemError, ValueError, MemoryError) as error:
-        cause = root(error)
-        if isinstance(cause, KeyboardInterrupt):
-            raise KeyboardInterrupt from error
-        if isinstance(error, RestirError):
-            raise
-        raise RenderError(f"{study.name}: rendering failed: {one_line(cause)}") from error
 
 
 def measure(folder: StudyFolder) -> Table:
@@ -142,8 +127,10 @@ def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | N
     todo = {size: _missing_runs(folder, size) for size in study.sizes}
     batches = {size: missing_batches(folder, size) for size in study.sizes}
     probes = _missing_probes(folder)
-    units = _frames_to_render(study, todo) + sum(map(len, batches.values())) + len(probes)
-    meter = _Meter(progress, units)
+    # A sample of the reference counts as a frame, a probe as a run.
+    samples = study.reference.spp // study.reference.batches if study.reference else 0
+    units = _frames_to_render(study, todo) + samples * sum(map(len, batches.values()))
+    meter = _Meter(progress, units + study.length * len(probes))
     if meter.total == 0:
         return
     scene = load_scene(study)
@@ -156,13 +143,14 @@ def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | N
             _render_size(folder, renderers[size], size, missing, meter)
         if batches[size]:
             label = f"reference {size[0]}x{size[1]}"
-            render_batches(folder, scene, size, batches[size], partial(meter.advance, label))
+            done = partial(meter.advance, label, samples)
+            render_batches(folder, scene, size, batches[size], done)
     for size, name, probe, index in probes:
         meter.say(f"{size[0]}x{size[1]} {probe} {name}")
         reference = partial(load_reference, folder, size)
         found = PROBES[probe](study, size, name, index, reference)
         folder.save_probe(size, name, probe, index, found)
-        meter.advance(f"{size[0]}x{size[1]} {probe} {name}")
+        meter.advance(f"{size[0]}x{size[1]} {probe} {name}", study.length)
 
 
 def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
@@ -239,8 +227,8 @@ def _render_remotely(
             load = None if frames is None else partial(_same, frames)
             run = Run(part["last"], part["mean"], part["times"], load, part["session"])
             folder.save_run(size, name, index, run)
-        for _ in range(len(names) * study.length):
-            meter.advance(f"{size[0]}x{size[1]} run {index + 1}/{study.runs}")
+        label = f"{size[0]}x{size[1]} run {index + 1}/{study.runs}"
+        meter.advance(label, len(names) * study.length)
 
 
 def _same(frames: Image) -> Image:
@@ -258,8 +246,8 @@ class _Meter:
     def say(self, text: str) -> None:
         self._progress(self._done, self.total, text)
 
-    def advance(self, text: str) -> None:
-        self._done += 1
+    def advance(self, text: str, units: int = 1) -> None:
+        self._done += units
         self.say(text)
 
 

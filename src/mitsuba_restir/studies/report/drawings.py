@@ -14,8 +14,8 @@ from .curves import Curve, Lags, Radial
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # type: ignore[import-not-found, unused-ignore]
 
-# Quantities drawn as bars where a study has them.
-_BARS = (
+# Quantities with a chart of their own where a study has them.
+_QUANTITIES = (
     "time of a frame",
     "RMSE",
     "RMSE, displayed",
@@ -91,9 +91,10 @@ def _figures(data: Measured, rows: Sequence[Row], found: Curves) -> dict[str, tu
             caption = f"Error over {over}: thin, single frames; thick, the average of all so far"
             figure = figures.convergence(found.convergence, over, colours)
             drawn[f"convergence_{over}"] = (caption, figure)
-    for quantity in _BARS:
+    for quantity in _QUANTITIES:
         own = [r for r in rows if r.size == data.size and r.quantity == quantity]
         if own:
             key = "".join(c if c.isalnum() else "_" for c in quantity)
-            drawn[key] = (f"{quantity}, with 95 % intervals", figures.bars(own, quantity, colours))
+            caption = f"{quantity}, with 95 % intervals"
+            drawn[key] = (caption, figures.quantity(own, quantity, colours))
     return drawn

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure  # type: ignore[import-not-found, unused-ignore]
 
 _WIDTH = 7.0
+
+# Largest ratio of two values whose bars can be told apart.
+_BARS_TO = 20.0
+
 Colours = Mapping[str, str]
 
 
@@ -48,28 +52,38 @@ def _logarithmic(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def bars(rows: Sequence[Row], title: str, colours: Colours | None = None) -> Figure:
-    """Draw one quantity as a bar for each variant, with its interval."""
+def quantity(rows: Sequence[Row], title: str, colours: Colours | None = None) -> Figure:
+    """Draw one quantity of all variants with its intervals: bars, or dots over several decades."""
     figure, axes = _axes(0.7 + 0.3 * len(rows))
     names = [row.variant for row in rows]
     chosen = line_colours(names) if colours is None else colours
     values = np.array([row.value.value for row in rows])
     ends = np.array([[row.value.low, row.value.high] for row in rows]).T
     widths = np.where(np.isfinite(ends), np.abs(ends - values), 0.0)
-    axes.barh(
-        names,
-        values,
-        xerr=widths,
-        color=[chosen[name] for name in names],
-        height=0.62,
-        error_kw={"ecolor": "#222222", "capsize": 2.5, "elinewidth": 1.0},
-    )
-    axes.invert_yaxis()
+    draw = _dots if values.min() > 0.0 and values.max() > _BARS_TO * values.min() else _bars
+    draw(axes, values, widths, [chosen[name] for name in names])
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
     unit = f" [{rows[0].unit}]" if rows[0].unit else ""
     axes.set_xlabel(f"{title}{unit}")
     return figure
+
+
+def _bars(axes: Any, values: Any, widths: Any, colours: list[str]) -> None:
+    ends = {"ecolor": "#222222", "capsize": 2.5, "elinewidth": 1.0}
+    axes.barh(range(len(values)), values, xerr=widths, color=colours, height=0.62, error_kw=ends)
+
+
+def _dots(axes: Any, values: Any, widths: Any, colours: list[str]) -> None:
+    # On a logarithmic axis, what reaches below zero has no lower end.
+    below = np.minimum(widths[0], 0.95 * values)
+    for y, (value, colour) in enumerate(zip(values, colours, strict=True)):
+        ends = [[below[y]], [widths[1][y]]]
+        axes.errorbar(value, y, xerr=ends, fmt="o", color=colour, capsize=2.5, elinewidth=1.2)
+    axes.set_xscale("log")
+    _logarithmic(axes.xaxis)
 
 
 def radial(curves: Mapping[str, Radial], colours: Colours) -> Figure:
