@@ -262,6 +262,19 @@ def test_all_runs_are_checked_and_the_advice_is_enough() -> None:
     check_reference(surer, surer.runs, "relmse")
 
 
+def test_the_advice_is_for_the_variant_that_needs_most() -> None:
+    rng = np.random.default_rng(11)
+    frames = {
+        name: _grey(1.0 + sigma * rng.standard_normal((2, 1, *SHAPE)))
+        for name, sigma in (("some", 0.02), ("most", 0.01))
+    }
+    data = _data(frames, _noisy(4.5e-4))
+    with pytest.raises(NoisyReferenceError, match=r"'most'.* give the reference 5 times"):
+        check_reference(data, data.runs, "relmse")
+    surer = _data(frames, _noisy(4.5e-4 / 5))
+    check_reference(surer, surer.runs, "relmse")
+
+
 def test_a_reference_without_an_error_beside_it_gets_no_number() -> None:
     reference = _noisy(0.1)
     half = 1.0 + 0.5 * (reference.image - 1.0)
