@@ -7,9 +7,6 @@ import io
 import json
 import os
 import re
-import signal
-import subprocess
-import sys
 import time
 import zipfile
 from collections.abc import Callable
@@ -866,38 +863,6 @@ type = "path"
 type = "path"
 spp = 4
 """
-
-KILLER = """
-import os, signal, sys
-from pathlib import Path
-from mitsuba_restir.studies import load_study, run_study
-
-def kill(done, total, text):
-    if done == int(sys.argv[3]):
-        os.kill(os.getpid(), signal.SIGKILL)
-
-run_study(load_study(sys.argv[1]), Path(sys.argv[2]), kill)
-"""
-
-
-@pytest.mark.slow
-def test_rendering_killed_and_gone_on_with(tmp_path: Path) -> None:
-    """With Mitsuba, in a process that is killed: the same numbers as one that was not."""
-    file, out = tmp_path / "real.toml", tmp_path / "killed"
-    file.write_text(REAL)
-    command = [sys.executable, "-c", KILLER, str(file), str(out), "6"]
-    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
-    finished = _files(out)
-    assert len(finished) == 2
-    study = load_study(str(file))
-    table = run_study(study, out)
-    assert {row.quantity.split(":")[0] for row in table.rows} >= {"relMSE", "equal time"}
-    after = _files(out)
-    assert {name: after[name] for name in finished} == finished
-    run_study(study, tmp_path / "whole")
-    same = [r for r in _numbers(out) if r["quantity"] == "relMSE"]
-    assert same
-    assert same == [r for r in _numbers(tmp_path / "whole") if r["quantity"] == "relMSE"]
 
 
 @pytest.mark.slow

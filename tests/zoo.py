@@ -138,13 +138,10 @@ def bsdfs() -> dict[str, Scene]:
     }
 
 
-def bsdf_zoo() -> Scene:
-    """Spheres of all BSDFs on a floor, under a large area light and a dim sky."""
+def _stage() -> Scene:
+    """Floor, large area light and dim sky."""
     transform = mi.ScalarTransform4f
-    columns = 5
-    scene: Scene = {
-        "type": "scene",
-        "sensor": _sensor(5 * CELL, 4 * CELL, 30.0, [0, 8.2, 5.6], [0, 0.1, 0.05]),
+    return {
         "sky": {"type": "constant", "radiance": 0.3},
         "light": {
             "type": "rectangle",
@@ -156,6 +153,16 @@ def bsdf_zoo() -> Scene:
             "to_world": transform().rotate([1, 0, 0], -90).scale([4, 4, 1]),
             "bsdf": {"type": "diffuse", "reflectance": _rgb(0.5, 0.5, 0.6)},
         },
+    }
+
+
+def bsdf_zoo() -> Scene:
+    """Spheres of all BSDFs on a floor, under a large area light and a dim sky."""
+    columns = 5
+    scene: Scene = {
+        "type": "scene",
+        "sensor": _sensor(5 * CELL, 4 * CELL, 30.0, [0, 8.2, 5.6], [0, 0.1, 0.05]),
+        **_stage(),
     }
     for i, (name, bsdf) in enumerate(bsdfs().items()):
         column, row = i % columns, i // columns
@@ -477,17 +484,7 @@ def shape_zoo(glossy: bool = False) -> Scene:
     scene: Scene = {
         "type": "scene",
         "sensor": _sensor(5 * CELL, 3 * CELL, 41.0, [0, 9, 5.0], [0, 0, 0.1]),
-        "sky": {"type": "constant", "radiance": 0.3},
-        "light": {
-            "type": "rectangle",
-            "to_world": transform().look_at([2.5, 6, -2], [0, 0, 0], [0, 1, 0]).scale([2, 2, 1]),
-            "emitter": {"type": "area", "radiance": _rgb(3.0, 2.7, 2.2)},
-        },
-        "floor": {
-            "type": "rectangle",
-            "to_world": transform().rotate([1, 0, 0], -90).scale([4, 4, 1]),
-            "bsdf": {"type": "diffuse", "reflectance": _rgb(0.5, 0.5, 0.6)},
-        },
+        **_stage(),
         "group": {
             "type": "shapegroup",
             "box": {"type": "cube", "bsdf": bsdf},
