@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from ..passes.neighbors import SAMPLING
@@ -67,7 +67,7 @@ def read_parameters(props: Any) -> Parameters:
     Raises
     ------
     ValueError
-        For a value outside the allowed range, naming the parameter and what is allowed.
+        For an unknown name or a value outside the allowed range, naming what is allowed.
     """
     max_depth = _integer(props, "max_depth", -1, -1)
     parameters = Parameters(
@@ -92,6 +92,9 @@ def read_parameters(props: Any) -> Parameters:
         blue_noise_seeds=_boolean(props, "blue_noise_seeds", False),
         aovs=_aovs(props.get("aovs", "")),
     )
+    if unknown := props.unqueried():
+        known = ", ".join(field.name for field in fields(Parameters))
+        raise ValueError(f"restir_pt has no parameter '{unknown[0]}'; it has {known}")
     if parameters.blue_noise in RULE and parameters.mutations == 0:
         raise ValueError(
             f"restir_pt: blue_noise={parameters.blue_noise!r} is a rule for mutations and needs "
