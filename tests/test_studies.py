@@ -20,6 +20,7 @@ from rich.console import Console
 
 import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
+import mitsuba_restir.studies.runs as runs_module
 from mitsuba_restir import cli
 from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
@@ -31,6 +32,7 @@ from mitsuba_restir.studies.quantities import QUANTITIES
 from mitsuba_restir.studies.rendering import Renderer, seed_of
 from mitsuba_restir.studies.report.write import _facts
 from mitsuba_restir.studies.results import ReferenceImage
+from mitsuba_restir.studies.software import software
 from mitsuba_restir.studies.store import StudyFolder
 from mitsuba_restir.studies.tables import from_table, to_table
 
@@ -545,20 +547,22 @@ def test_an_edited_scene_is_another_study(
         run_study(own, out)
 
 
-def test_older_runs_say_nothing_of_scene_and_arrays(
-    tmp_path: Path, study: Study, log: list[tuple[str, int]]
+def test_runs_of_different_software_are_noted(
+    tmp_path: Path, study: Study, log: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run_study(study, tmp_path / "out")
-    for file in (tmp_path / "out").rglob("*.npz"):
-        with np.load(file) as stored:
-            arrays = dict(stored)
-        label = json.loads(str(arrays.pop("label")))
-        assert label["scene"] == cache.scene_digest(study)
-        older = {key: label[key] for key in ("digest", "file")}
-        np.savez(file, label=np.array(json.dumps(older)), **arrays)
-    log.clear()
-    assert not run_study(study, tmp_path / "out").notes
-    assert log == []
+    monkeypatch.setattr(runs_module, "software", lambda: "mitsuba-restir 0.0.1 (12345678)")
+    assert not run_study(replace(study, runs=2), tmp_path / "out").notes
+    assert not run_study(replace(study, runs=2), tmp_path / "out").notes
+    monkeypatch.setattr(runs_module, "software", software)
+    (note,) = run_study(study, tmp_path / "out").notes
+    assert "24x16" in note
+    assert "mitsuba-restir 0.0.1 (12345678)" in note
+    assert software() in note
+
+
+def test_a_worker_with_another_scene_is_refused(study: Study) -> None:
+    with pytest.raises(UsageError, match="every worker needs the same files"):
+        runs_module.remote_run(to_table(study), "another digest", (24, 16), 0, ["plain"])
 
 
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 40, 72])

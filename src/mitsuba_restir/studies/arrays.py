@@ -80,8 +80,7 @@ def load_arrays(path: Path, leave: Collection[str] = ()) -> Stored:
                     arrays[name] = array
         label: dict[str, Any] = json.loads(str(arrays.pop("label")))
         found = sorted([*arrays, *left])
-        # Files from before the names were written do not have them.
-        names = label.pop("arrays", found)
+        names = label.pop("arrays")
     except Exception as error:
         # Damage shows as whatever it makes zipfile, NumPy and json stumble over.
         raise ValueError(f"it cannot be read: {one_line(error) or repr(error)}") from error

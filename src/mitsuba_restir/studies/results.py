@@ -30,6 +30,8 @@ class Run:
         Reads every measured frame, (frames, H, W, 3), where the study keeps all.
     session : str
         Equal for runs that took turns frame by frame, whose times can be compared.
+    software : str
+        Versions of what rendered it.
     """
 
     last: Image
@@ -37,6 +39,7 @@ class Run:
     times: npt.NDArray[np.float64]
     load_frames: Callable[[], Image] | None = None
     session: str = ""
+    software: str = ""
 
     @property
     def frames(self) -> Image | None:

@@ -20,8 +20,9 @@ from .reference import (
     render_batches,
 )
 from .rendering import Renderer, load_scene, make_renderer
-from .results import Image, Measured, Row, Run
-from .runs import rehearse, remote_run, render_run
+from .results import Measured, Row
+from .runs import rehearse, remote_run, render_run, returned_run
+from .software import notes_on_software
 from .store import StudyFolder
 from .table import Table
 from .tables import to_table
@@ -106,6 +107,7 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
     reference = load_reference(folder, size)
     label = f"{size[0]}x{size[1]}"
     baselines = {name: study.baseline_of(name) for name in study.variants}
+    rendered_runs = [run for own in runs.values() for run in own]
     rendered = Measured(
         label,
         runs,
@@ -116,7 +118,7 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
         study.trim,
         probes,
         settled=study.warmup > 0,
-        notes=notes_on_reference(study, reference),
+        notes=[*notes_on_reference(study, reference), *notes_on_software(label, rendered_runs)],
     )
     return with_derived(study, rendered)
 
@@ -219,20 +221,13 @@ def _render_remotely(
 ) -> None:
     """Have a cluster render the runs of a size; each is saved as it comes back."""
     study = folder.study
-    tasks = [(to_table(study), size, index, names) for index, names in missing.items()]
-    for (_, _, index, names), arrays in cluster(remote_run, tasks):
+    table = to_table(study)
+    tasks = [(table, folder.scene, size, index, names) for index, names in missing.items()]
+    for (*_, index, names), runs in cluster(remote_run, tasks):
         for name in names:
-            part = arrays[name]
-            frames = part["frames"]
-            load = None if frames is None else partial(_same, frames)
-            run = Run(part["last"], part["mean"], part["times"], load, part["session"])
-            folder.save_run(size, name, index, run)
+            folder.save_run(size, name, index, returned_run(runs[name]))
         label = f"{size[0]}x{size[1]} run {index + 1}/{study.runs}"
         meter.advance(label, len(names) * study.length)
-
-
-def _same(frames: Image) -> Image:
-    return frames
 
 
 class _Meter:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import uuid
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -9,10 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import UsageError
+from .cache import scene_digest
 from .config import Size, Study
 from .reference import REHEARSAL_KEY, RUN_KEY
 from .rendering import Renderer, load_scene, make_renderer, seed_of
 from .results import Image, Run
+from .software import software
 from .tables import from_table
 
 # The first frame compiles kernels, the second those of a frame with history.
@@ -68,14 +72,15 @@ def render_run(
             np.array(times[name]),
             partial(np.stack, images[name]) if study.keep == "all" else None,
             session,
+            software(),
         )
         for name in names
     }
 
 
 def remote_run(
-    table: Mapping[str, Any], size: Size, index: int, names: list[str]
-) -> dict[str, Any]:
+    table: Mapping[str, Any], scene: str, size: Size, index: int, names: list[str]
+) -> dict[str, dict[str, Any]]:
     """
     Render one run in a worker of a cluster.
 
@@ -83,26 +88,47 @@ def remote_run(
     ----------
     table : mapping
         The study as a TOML table.
+    scene : str
+        Digest of the scene.
 
     Returns
     -------
     dict of str to dict
-        The arrays and the session of each variant's `Run`.
+        The fields of each variant's `Run`, its frames loaded.
+
+    Raises
+    ------
+    UsageError
+        The worker's scene has another content.
     """
     study = from_table(table, str(table["name"]))
-    scene = load_scene(study)
+    if scene_digest(study) != scene:
+        raise UsageError(
+            f"{study.name}: the scene '{study.scene}' of the worker {platform.node()} has another "
+            "content: every worker needs the same files"
+        )
+    loaded = load_scene(study)
     renderers = {
-        name: make_renderer(study, scene, size, name, study.variants[name]) for name in names
+        name: make_renderer(study, loaded, size, name, study.variants[name]) for name in names
     }
     rehearse(study, renderers)
     runs = render_run(study, renderers, index, lambda name: None)
     return {
         name: {
-            "last": r.last,
-            "mean": r.mean,
-            "times": r.times,
-            "frames": r.frames,
-            "session": r.session,
+            "last": run.last,
+            "mean": run.mean,
+            "times": run.times,
+            "frames": run.frames,
+            "session": run.session,
+            "software": run.software,
         }
-        for name, r in runs.items()
+        for name, run in runs.items()
     }
+
+
+def returned_run(fields: Mapping[str, Any]) -> Run:
+    """Make a run of what a worker returned."""
+    frames = fields["frames"]
+    load = None if frames is None else lambda: frames
+    last, mean, times = (fields[name] for name in ("last", "mean", "times"))
+    return Run(last, mean, times, load, fields["session"], fields["software"])

@@ -39,6 +39,11 @@ class StudyFolder:
     path : Path
     study : Study
 
+    Fields
+    ------
+    scene : str
+        Digest of the scene.
+
     Raises
     ------
     UsageError
@@ -49,7 +54,7 @@ class StudyFolder:
         self.path = path
         self.study = study
         self.digest = digest_of(study)
-        self._scene = scene_digest(study)
+        self.scene = scene_digest(study)
         self.refused: list[str] = []
         self._references: dict[Size, tuple[Path, str]] = {}
         self._lock: FolderLock | None = None
@@ -122,15 +127,14 @@ class StudyFolder:
 
     def _label(self, path: Path) -> dict[str, str]:
         """Return what a file of this study says about itself."""
-        return {"digest": self.digest, "file": self._place(path), "scene": self._scene}
+        return {"digest": self.digest, "file": self._place(path), "scene": self.scene}
 
     def _check(self, variant: str, path: Path, label: Mapping[str, Any]) -> None:
         """Refuse a file of a variant: what is foreign (ValueError), or of another scene."""
         digests = usable_digests(self._history, self.study, variant)
         if label["digest"] not in digests or label["file"] != self._place(path):
             raise ValueError("it belongs to another study or place")
-        # Older files do not say what the scene was.
-        if label.get("scene", self._scene) != self._scene:
+        if label["scene"] != self.scene:
             raise UsageError(
                 f"{self.path} holds this study with another content of its scene "
                 f"('{self.study.scene}' or what it names has changed): choose a new folder"
@@ -156,8 +160,8 @@ class StudyFolder:
             return load_arrays(path).arrays["frames"]
 
         load_frames = frames if "frames" in found.left else None
-        session = str(arrays.get("session", ""))
-        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames, session)
+        session, software = (str(arrays.get(name, "")) for name in ("session", "software"))
+        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames, session, software)
 
     def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
         """Write a finished run (RenderError where the disk refuses it)."""
@@ -165,6 +169,7 @@ class StudyFolder:
             "mean": run.mean,
             "times": run.times,
             "session": np.array(run.session),
+            "software": np.array(run.software),
         }
         if len(run.times) > 1:
             arrays["last"] = run.last
@@ -218,7 +223,7 @@ class StudyFolder:
 
     def _batch(self, size: Size, index: int) -> tuple[Path, dict[str, str]]:
         if size not in self._references:
-            digest = reference_digest(self.study, size, self._scene)
+            digest = reference_digest(self.study, size, self.scene)
             self._references[size] = (reference_folder(self.study, size, digest), digest)
         folder, digest = self._references[size]
         return folder / f"{index:04d}.npz", {"digest": digest, "batch": str(index)}

@@ -1,0 +1,38 @@
+"""What renders the runs: the versions behind an image, so that runs of two are not mixed unseen."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from .. import __version__
+from .results import Run
+
+# All that an image depends on but for the scene and the study.
+_SOURCES = ("integrators", "passes", "paths", "resampling", "sampling", "shifts")
+
+
+@cache
+def software() -> str:
+    """Return the versions, and of this package a digest of the source that renders as well."""
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for file in sorted(file for folder in _SOURCES for file in (package / folder).rglob("*.py")):
+        digest.update(file.relative_to(package).as_posix().encode())
+        digest.update(file.read_bytes())
+    others = [f"{name} {metadata.version(name)}" for name in ("mitsuba", "drjit")]
+    return ", ".join([f"mitsuba-restir {__version__} ({digest.hexdigest()[:8]})", *others])
+
+
+def notes_on_software(size: str, runs: Iterable[Run]) -> list[str]:
+    """Say where the runs of a size were not all rendered by the same software."""
+    found = sorted({run.software or "an unknown version" for run in runs})
+    if len(found) < 2:
+        return []
+    return [
+        f"the runs at {size} were not all rendered by the same software ({'; '.join(found)}): "
+        "what changed between the versions is in their differences"
+    ]
