@@ -426,7 +426,7 @@ def test_a_reference_that_is_too_noisy_is_refused(
     table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
     assert {row.quantity for row in table.rows} == {"time of a frame"}
     assert len(table.notes) == 1
-    assert "rmse at 24x16 is not given" in table.notes[0]
+    assert "RMSE at 24x16 is not given" in table.notes[0]
     assert "the reference's own noise; give the reference 2 times the samples" in table.notes[0]
 
 

@@ -13,6 +13,7 @@ from .images import FloatArray, finite, image_pair, luminance
 __all__ = [
     "FlipResult",
     "displayed",
+    "displayed_variance",
     "hdr_flip",
     "luminance",
     "mean_ratio",
@@ -83,6 +84,26 @@ def displayed(image: ArrayLike) -> FloatArray:
     """
     x = np.clip(finite(image, "The image", (2, 3)), 0.0, 1.0)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1.0 / 2.4) - 0.055)
+
+
+def displayed_variance(image: ArrayLike, variance: ArrayLike) -> FloatArray:
+    """
+    Variance of displayed values, by the delta method: the squared slope of `displayed` times it.
+
+    Parameters
+    ----------
+    image, variance : array_like, of one shape
+        Linear values, and the variance of each.
+
+    Returns
+    -------
+    ndarray, of the same shape
+        Zero where the screen clips.
+    """
+    x = finite(image, "The image", (2, 3))
+    power = 1.055 / 2.4 * np.maximum(x, 0.0031308) ** (1.0 / 2.4 - 1.0)
+    slope = np.where(x <= 0.0031308, 12.92, power) * ((x > 0.0) & (x < 1.0))
+    return np.asarray(slope**2 * _variance_like(variance, x.shape))
 
 
 def relative_squared_error(

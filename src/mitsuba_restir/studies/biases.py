@@ -13,8 +13,9 @@ from ..analysis.bias import BiasTest, mean_test
 from ..analysis.images import FloatArray, luminance
 from ..analysis.intervals import Interval
 from ..analysis.pixel_bias import mean_bias, pixel_bias_jackknife
-from .results import Measured, ReferenceImage, Row, Run
-from .scalars import lone, make_row, per_run, reference_of
+from .noise import refusal, relative, shares
+from .results import Measured, ReferenceImage, Refused, Row, Run
+from .scalars import lone, make_row, means_of, per_run, reference_of
 
 BLOCK = 8
 _LEVEL = 0.05
@@ -83,7 +84,7 @@ def block_biases(data: Measured) -> Iterator[Row]:
         yield make_row(data, name, f"{title}, p of no bias", "", lone(test.p_value), None)
 
 
-def pixel_biases(data: Measured) -> Iterator[Row]:
+def pixel_biases(data: Measured) -> Iterator[Row | Refused]:
     """
     Root mean square of the relative bias of single pixels, by products of independent runs.
 
@@ -91,6 +92,9 @@ def pixel_biases(data: Measured) -> Iterator[Row]:
     more surely) against the baseline on the same frames.
     """
     reference = reference_of(data)
+    if refused := refusal(data, "rms pixel bias", shares(reference, means_of(data), relative)):
+        yield refused
+        return
     truth, variance = reference.luminance, reference.luminance_variance
     means = {name: _means(runs) for name, runs in data.runs.items() if len(runs) > 1}
     found = {name: pixel_bias_jackknife(own, truth, variance) for name, own in means.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -14,8 +14,9 @@ from ..analysis.covariance import (
 )
 from ..analysis.covariance_products import RunProducts, jackknife_of, run_products
 from ..analysis.images import FloatArray, luminance
-from .frame_errors import CLIP, chain_spectra, frames_of
-from .results import Image, Measured, Row, Run
+from .frame_errors import CLIP, chain_spectra, frames_of, reference_noise
+from .noise import refusal
+from .results import Image, Measured, Refused, Row, Run
 from .scalars import reference_of, row_of_jackknife, rows_of_runs
 
 # The low frequencies that eyes and denoisers see; what blue noise has little of.
@@ -61,7 +62,7 @@ def _products(
     return run_products(frames, reference_of(data).image)
 
 
-def bands(data: Measured) -> Iterator[Row]:
+def bands(data: Measured) -> Iterator[Row | Refused]:
     """Power of the relative error by frequency band; each run is one chain."""
     spectra = chain_spectra(data, reference_of(data))
     f = spectrum.frequencies(spectra[data.baseline].shape[1:])
@@ -71,22 +72,34 @@ def bands(data: Measured) -> Iterator[Row]:
         for low, high in (*spectrum.TABLE_BANDS, *spectrum.FINE_BANDS)
         if np.any((f >= low) & (f < high))
     ]
-    for low, high in resolved:
-        powers = {
-            name: spectrum.band_power(own, [(low, high)])[:, 0] for name, own in spectra.items()
-        }
-        yield from rows_of_runs(data, f"power {low:g}-{high:g}", "", powers)
+    for band in resolved:
+        yield from _band(data, spectra, band)
 
 
-def low_frequencies(data: Measured) -> Iterator[Row]:
+def _band(
+    data: Measured, spectra: Mapping[str, FloatArray], band: spectrum.Band
+) -> Iterator[Row | Refused]:
+    name = f"power {band[0]:g}-{band[1]:g}"
+    powers = {variant: spectrum.band_power(own, [band])[:, 0] for variant, own in spectra.items()}
+    noise = float(spectrum.band_power(reference_noise(reference_of(data), "hann"), [band])[0])
+    shares = {variant: noise / (float(own.mean()) + noise) for variant, own in powers.items()}
+    if refused := refusal(data, name, shares if noise > 0.0 else {}):
+        yield refused
+        return
+    yield from rows_of_runs(data, name, "", powers)
+
+
+def low_frequencies(data: Measured) -> Iterator[Row | Refused]:
     """
     Power up to 1/8 cycle/pixel, and the same over the mean power: 1 for white noise.
 
     The curves that these sum up are in `spectra.csv`, which a report writes.
     """
     spectra = chain_spectra(data, reference_of(data))
-    powers = {name: spectrum.band_power(own, [_LOW])[:, 0] for name, own in spectra.items()}
-    yield from rows_of_runs(data, f"power 0-{_LOW[1]:g}", "", powers)
+    found = list(_band(data, spectra, _LOW))
+    yield from found
+    if any(isinstance(row, Refused) for row in found):
+        return
     shares = {
         name: np.array([spectrum.low_frequency_share(power, limit=_LOW[1]) for power in own])
         for name, own in spectra.items()

@@ -10,24 +10,31 @@ import numpy as np
 
 from ..analysis import metrics
 from ..analysis.denoise import denoise
+from . import noise
 from .frame_errors import last_frame_of
-from .noise import check_reference
-from .results import Image, Measured, Row, Run
-from .scalars import of_frames, relmse
+from .results import Image, Measured, Refused, Row, Run
+from .scalars import Measure, of_frames, relmse
 
 
-def denoised(data: Measured) -> Iterator[Row]:
+def denoised(data: Measured) -> Iterator[Row | Refused]:
     """RMSE, relMSE and HDR-FLIP of the last frame of a run after OIDN's filter without guides."""
     runs = {name: [_denoised(data, run) for run in runs] for name, runs in data.runs.items()}
-    check_reference(data, runs, "denoised")
     clean = replace(data, runs=runs)
-    measures = {
-        "RMSE": lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
-        "relMSE": lambda data, image, _: relmse(data, image, 0.0),
-        "HDR-FLIP": lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
-    }
-    for name, measure in measures.items():
-        yield from of_frames(f"{name} after OIDN", measure)(clean)
+    measures: Sequence[tuple[str, Measure, noise.Parts]] = (
+        (
+            "RMSE",
+            lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
+            noise.absolute,
+        ),
+        ("relMSE", lambda data, image, _: relmse(data, image, 0.0), noise.relative),
+        (
+            "HDR-FLIP",
+            lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
+            noise.clipped,
+        ),
+    )
+    for name, measure, parts in measures:
+        yield from of_frames(f"{name} after OIDN", measure, parts)(clean)
 
 
 def _denoised(data: Measured, run: Run) -> Run:

@@ -67,10 +67,14 @@ def mean_square(frames: Image, reference: ReferenceImage, clip: float | None) ->
 def filtered_mse(frames: Image, reference: ReferenceImage) -> float:
     """Mean square of the clipped relative error seen through a Gaussian of 1.5 pixels."""
     errors = relative_errors(frames, reference, CLIP)
+    return perceptual.filtered_mse(errors, SIGMA) - filtered_noise(reference)
+
+
+def filtered_noise(reference: ReferenceImage) -> float:
+    """Mean square of the reference's own noise, seen through the same Gaussian."""
     noise = reference_noise(reference)
     f = spectrum.frequencies(noise.shape)
-    seen = float(np.mean(noise * np.exp(-((2.0 * np.pi * SIGMA * f) ** 2))))
-    return perceptual.filtered_mse(errors, SIGMA) - seen
+    return float(np.mean(noise * np.exp(-((2.0 * np.pi * SIGMA * f) ** 2))))
 
 
 def chain_spectra(data: Measured, reference: ReferenceImage) -> dict[str, FloatArray]:

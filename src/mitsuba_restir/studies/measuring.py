@@ -7,9 +7,8 @@ from dataclasses import replace
 
 from ..errors import RenderError
 from .config import Study
-from .noise import NoisyReferenceError, check_reference
 from .quantities import QUANTITIES
-from .results import Measured, Row
+from .results import Measured, Refused, Row
 from .scalars import lone
 
 
@@ -39,14 +38,10 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
         if study.shows_images() and not data.runs.get(data.baseline):
             raise ValueError(f"the baseline '{data.baseline}' has no finished run")
         for name in study.quantities:
-            quantity = QUANTITIES[name]
-            try:
-                if quantity.needs_reference and quantity.checked:
-                    check_reference(data, data.runs, name, quantity.checked)
-                # Quantities yield all rows of a variant; readers compare variants of a quantity.
-                rows += list(quantity.rows(data))
-            except NoisyReferenceError as error:
-                notes.append(str(error))
+            found = list(QUANTITIES[name].rows(data))
+            # Quantities yield all rows of a variant; readers compare variants of a quantity.
+            rows += [row for row in found if isinstance(row, Row)]
+            notes += [refused.reason for refused in found if isinstance(refused, Refused)]
     except (ValueError, ImportError) as error:
         raise RenderError(f"{study.name} at {data.size} cannot be measured: {error}") from error
     # Two quantities may share numbers: the first to be asked for has them.

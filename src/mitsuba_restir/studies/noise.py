@@ -3,65 +3,91 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
+from scipy import ndimage
 
-from .results import Image, Measured, ReferenceImage, Run
+from ..analysis import metrics
+from .frame_errors import CLIP, SIGMA, filtered_noise, reference_noise, relative_errors
+from .results import Image, Measured, ReferenceImage, Refused
 
-Checked = Literal["last", "mean"]
+Parts = Callable[[Image, ReferenceImage], tuple[float, float]]
+"""Mean square that is measured of an image, and how much of it is the reference's own noise."""
 
 LIMIT = 0.5
-"""Largest share of the measured squared error that may be the reference's own."""
+"""Largest share of what is measured that may be the reference's own noise."""
 
 
-class NoisyReferenceError(ValueError):
-    """The reference is not sure enough for what is asked of it; the message says what to do."""
+def absolute(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+    """Of the squared error."""
+    return float(np.mean((image - reference.image) ** 2)), float(np.mean(reference.variance))
 
 
-def check_reference(
-    data: Measured, runs: Mapping[str, Sequence[Run]], quantity: str, image: Checked = "last"
-) -> None:
+def displayed(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+    """Of the squared error as a screen shows it."""
+    error = metrics.displayed(image) - metrics.displayed(reference.image)
+    noise = metrics.displayed_variance(reference.image, reference.variance)
+    return float(np.mean(error**2)), float(np.mean(noise))
+
+
+def relative(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+    """Of the squared relative error of luminance."""
+    return _relative(image, reference, None)
+
+
+def clipped(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+    """Of the squared relative error, clipped: that of all but the fireflies."""
+    return _relative(image, reference, CLIP)
+
+
+def _relative(image: Image, reference: ReferenceImage, clip: float | None) -> tuple[float, float]:
+    # Over the smoothed reference: where the weights are as noisy as the reference itself, its
+    # noise seems a smaller part than it is.
+    error = relative_errors(image[None], reference, clip)
+    return float(np.mean(error**2)), float(np.mean(reference_noise(reference)))
+
+
+def filtered(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+    """Of the clipped relative error, seen through a Gaussian."""
+    error = relative_errors(image[None], reference, CLIP)[0]
+    seen = ndimage.gaussian_filter(error, SIGMA)
+    return float(np.mean(seen**2)), filtered_noise(reference)
+
+
+def shares(
+    reference: ReferenceImage | None, images: Mapping[str, Iterable[Image]], parts: Parts
+) -> dict[str, float]:
+    """Return what share of a measure of every variant's images is the reference's own noise."""
+    if reference is None or not reference.variance.any():
+        return {}
+    found = {}
+    for name, own in images.items():
+        pairs = [parts(image, reference) for image in own]
+        if pairs:
+            measured, noise = np.mean(pairs, axis=0)
+            found[name] = float(noise) / max(float(measured), 1e-30)
+    return found
+
+
+def refusal(data: Measured, quantity: str, found: Mapping[str, float]) -> Refused | None:
     """
-    Refuse a reference that is too noisy.
+    Refuse a quantity of which more than half is the reference's own noise, of some variant.
 
     Parameters
     ----------
-    runs : mapping of str to sequence of Run
-        What is compared with it.
     quantity : str
-        For the message.
-    image : {"last", "mean"}
-        Whether the last frame of a run is compared with it or the mean of all.
-
-    Raises
-    ------
-    NoisyReferenceError
-        More than half of the relative squared error of some variant is the reference's own.
+        For the message, which is about the variant that needs most.
+    found : mapping of str to float
+        As of `shares`.
     """
-    reference = data.reference
-    if reference is None or not reference.variance.any():
-        return
-    shares = {
-        name: _share([getattr(run, image) for run in own], reference, data.epsilon)
-        for name, own in runs.items()
-        if own
-    }
-    worst = max(shares, key=shares.__getitem__, default="")
-    if worst and shares[worst] > LIMIT:
-        share = shares[worst]
-        raise NoisyReferenceError(
-            f"{quantity} at {data.size} is not given: {100 * share:.0f} % of the squared error of "
-            f"'{worst}' is the reference's own noise; {_advice(share)}"
-        )
-
-
-def _share(images: Sequence[Image], reference: ReferenceImage, epsilon: float) -> float:
-    """Part of the squared error of images, mean over them, that is the reference's own."""
-    weight = 1.0 / (reference.image**2 + epsilon)
-    errors = [np.mean((image - reference.image) ** 2 * weight) for image in images]
-    return float(np.mean(reference.variance * weight)) / max(float(np.mean(errors)), 1e-30)
+    worst = max(found, key=found.__getitem__, default="")
+    if not worst or found[worst] <= LIMIT:
+        return None
+    return Refused(
+        f"{quantity} at {data.size} is not given: {100 * found[worst]:.0f} % of the squared error "
+        f"of '{worst}' is the reference's own noise; {_advice(found[worst])}"
+    )
 
 
 def _advice(share: float) -> str:

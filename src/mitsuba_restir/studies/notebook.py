@@ -15,7 +15,7 @@ from .frame_errors import chain_spectra
 from .report import curves as report_curves
 from .report import figures, write_report
 from .report.colours import line_colours
-from .results import Measured
+from .results import Measured, Refused
 from .runner import Progress, load_size, run_study
 from .store import StudyFolder
 from .table import Table
@@ -74,9 +74,11 @@ class Results:
         Raises
         ------
         UsageError
-            The study did not keep its frames, or has no reference.
+            The study did not keep its frames, or has no reference that is sure enough.
         """
         found = report_curves.convergence(self._first)
+        if isinstance(found, Refused):
+            raise UsageError(f"{self.study.name}: {found.reason}")
         if not found:
             raise UsageError(f"{self.study.name}: convergence needs keep = 'all' and a [reference]")
         return figures.convergence(found, over, line_colours(self._first.runs))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..analysis import metrics
+from . import noise
 from .biases import block_biases, mean_ratios, paired_mean, pixel_biases
 from .correlations import (
     bands,
@@ -17,9 +18,8 @@ from .correlations import (
 )
 from .denoised import denoised
 from .frame_errors import filtered_mse, last_frame_of
-from .noise import Checked
 from .probed import memory_slopes, of_probe
-from .results import Measured, Row
+from .results import Measured, Refused, Row
 from .scalars import equal_time, frame_time, of_frames, of_mean, relative_rmse, relmse, speed
 
 
@@ -31,11 +31,8 @@ class Quantity:
     Fields
     ------
     rows : callable
-        Measures every variant.
+        Measures every variant, or refuses to with a reference that is too noisy for it.
     needs_reference : bool
-    checked : {"last", "mean"} or None
-        Of each run, the image in whose error the reference's own must be a small part. None where
-        an interval or a test includes the reference's error, however large.
     cold : bool
         Only meaningful for runs without warm-up.
     sequences : bool
@@ -48,9 +45,8 @@ class Quantity:
         Measures what follows from all sizes together.
     """
 
-    rows: Callable[[Measured], Iterator[Row]]
+    rows: Callable[[Measured], Iterator[Row | Refused]]
     needs_reference: bool = False
-    checked: Checked | None = "last"
     cold: bool = False
     sequences: bool = False
     least_runs: int = 1
@@ -63,49 +59,66 @@ QUANTITIES: Mapping[str, Quantity] = {
     "speed": Quantity(speed),
     "rmse": Quantity(
         of_frames(
-            "RMSE", lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance)
+            "RMSE",
+            lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
+            noise.absolute,
         ),
         needs_reference=True,
     ),
     "rmse_displayed": Quantity(
         of_frames(
             "RMSE, displayed",
-            lambda _, image, r: metrics.rmse(metrics.displayed(image), metrics.displayed(r.image)),
+            lambda _, image, r: metrics.rmse(
+                metrics.displayed(image),
+                metrics.displayed(r.image),
+                reference_variance=metrics.displayed_variance(r.image, r.variance),
+            ),
+            noise.displayed,
         ),
         needs_reference=True,
     ),
     "rmse_relative": Quantity(relative_rmse, needs_reference=True),
     "relmse": Quantity(
-        of_frames("relMSE", lambda data, image, _: relmse(data, image, 0.0)), needs_reference=True
+        of_frames("relMSE", lambda data, image, _: relmse(data, image, 0.0), noise.relative),
+        needs_reference=True,
     ),
     "relmse_trimmed": Quantity(
-        of_frames("relMSE, trimmed", lambda data, image, _: relmse(data, image, data.trim)),
+        of_frames(
+            "relMSE, trimmed", lambda data, image, _: relmse(data, image, data.trim), noise.clipped
+        ),
         needs_reference=True,
     ),
     "relmse_average": Quantity(
-        of_mean("relMSE of the average", lambda data, image, _: relmse(data, image, 0.0)),
+        of_mean(
+            "relMSE of the average",
+            lambda data, image, _: relmse(data, image, 0.0),
+            noise.relative,
+        ),
         needs_reference=True,
-        checked="mean",
     ),
     "smape": Quantity(
-        of_frames("SMAPE", lambda _, image, r: metrics.smape(image, r.image)), needs_reference=True
+        of_frames("SMAPE", lambda _, image, r: metrics.smape(image, r.image), noise.clipped),
+        needs_reference=True,
     ),
     "flip": Quantity(
         of_frames(
             "HDR-FLIP",
             lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
+            noise.clipped,
             frames=last_frame_of,
         ),
         needs_reference=True,
     ),
-    "mean_ratio": Quantity(mean_ratios, needs_reference=True, checked=None),
+    "mean_ratio": Quantity(mean_ratios, needs_reference=True),
     "filtered_mse": Quantity(
-        of_frames("filtered MSE, 1.5 px", lambda _, image, r: filtered_mse(image[None], r)),
+        of_frames(
+            "filtered MSE, 1.5 px",
+            lambda _, image, r: filtered_mse(image[None], r),
+            noise.filtered,
+        ),
         needs_reference=True,
     ),
-    "equal_time": Quantity(
-        equal_time, needs_reference=True, checked="mean", cold=True, least_runs=2
-    ),
+    "equal_time": Quantity(equal_time, needs_reference=True, cold=True, least_runs=2),
     "covariance": Quantity(covariance, needs_reference=True, least_runs=2),
     "covariance_clipped": Quantity(clipped_covariance, needs_reference=True, least_runs=2),
     "covariance_in_sequence": Quantity(
@@ -117,8 +130,8 @@ QUANTITIES: Mapping[str, Quantity] = {
         covariance_of_frames, needs_reference=True, sequences=True, least_runs=2
     ),
     "mean_bias": Quantity(paired_mean, least_runs=2),
-    "block_bias": Quantity(block_biases, needs_reference=True, checked=None, least_runs=4),
-    "pixel_bias": Quantity(pixel_biases, needs_reference=True, checked="mean", least_runs=2),
+    "block_bias": Quantity(block_biases, needs_reference=True, least_runs=4),
+    "pixel_bias": Quantity(pixel_biases, needs_reference=True, least_runs=2),
     "denoised": Quantity(denoised, needs_reference=True),
     "kernels": Quantity(of_probe("kernels"), probe="kernels"),
     "statistics": Quantity(of_probe("statistics"), probe="statistics"),

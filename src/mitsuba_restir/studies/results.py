@@ -162,6 +162,20 @@ class Measured:
 
 
 @dataclass(frozen=True)
+class Refused:
+    """
+    What was asked for and cannot be given.
+
+    Fields
+    ------
+    reason : str
+        One sentence: what, why, and what to do.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True)
 class Row:
     """
     One number of one variant.

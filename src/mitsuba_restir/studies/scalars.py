@@ -11,7 +11,11 @@ from ..analysis import intervals, metrics
 from ..analysis.images import FloatArray
 from ..analysis.intervals import Interval, Jackknife
 from .frame_errors import CLIP, frames_of, mean_square
-from .results import Image, Measured, ReferenceImage, Row, Run
+from .noise import Parts, clipped, refusal, relative, shares
+from .results import Image, Measured, ReferenceImage, Refused, Row, Run
+
+Measure = Callable[[Measured, Image, ReferenceImage], float]
+"""Measures a frame (H, W, 3)."""
 
 
 def lone(value: float) -> Interval:
@@ -154,42 +158,56 @@ def speed(data: Measured) -> Iterator[Row]:
 
 def of_frames(
     name: str,
-    measure: Callable[[Measured, Image, ReferenceImage], float],
-    unit: str = "",
+    measure: Measure,
+    parts: Parts,
     frames: Callable[[Measured, Run], Image] = frames_of,
-) -> Callable[[Measured], Iterator[Row]]:
+) -> Callable[[Measured], Iterator[Row | Refused]]:
     """
     Make a quantity of one number of each run: the mean over its frames.
 
     Parameters
     ----------
     measure : callable
-        Measures a frame (H, W, 3), given the data and the reference.
+        Measures a frame.
+    parts : callable
+        Of the last frame of a run, what is measured and what of it is the reference's own noise.
     frames : callable
         Chooses the frames.
     """
 
-    def rows(data: Measured) -> Iterator[Row]:
+    def rows(data: Measured) -> Iterator[Row | Refused]:
         reference = reference_of(data)
+        last = {variant: [run.last for run in runs] for variant, runs in data.runs.items()}
+        if refused := refusal(data, name, shares(reference, last, parts)):
+            yield refused
+            return
 
         def measure_run(run: Run) -> float:
             return float(np.mean([measure(data, image, reference) for image in frames(data, run)]))
 
-        return per_run(data, name, unit, measure_run)
+        yield from per_run(data, name, "", measure_run)
 
     return rows
 
 
 def of_mean(
-    name: str, measure: Callable[[Measured, Image, ReferenceImage], float]
-) -> Callable[[Measured], Iterator[Row]]:
+    name: str, measure: Measure, parts: Parts
+) -> Callable[[Measured], Iterator[Row | Refused]]:
     """Make a quantity of the mean of all measured frames of each run; arguments as `of_frames`."""
 
-    def rows(data: Measured) -> Iterator[Row]:
+    def rows(data: Measured) -> Iterator[Row | Refused]:
         reference = reference_of(data)
-        return per_run(data, name, "", lambda run: measure(data, run.mean, reference))
+        if refused := refusal(data, name, shares(reference, means_of(data), parts)):
+            yield refused
+            return
+        yield from per_run(data, name, "", lambda run: measure(data, run.mean, reference))
 
     return rows
+
+
+def means_of(data: Measured) -> dict[str, list[Image]]:
+    """Return the mean of all frames of every run, by variant."""
+    return {name: [run.mean for run in runs] for name, runs in data.runs.items()}
 
 
 def relmse(data: Measured, image: ArrayLike, trim: float) -> float:
@@ -204,48 +222,61 @@ def relmse(data: Measured, image: ArrayLike, trim: float) -> float:
     )
 
 
-def relative_rmse(data: Measured) -> Iterator[Row]:
+def relative_rmse(data: Measured) -> Iterator[Row | Refused]:
     """Root mean squared relative error of luminance: clipped at +-4, and as it is beside it."""
-    for label, clip in ((", clipped", CLIP), ("", None)):
+    for label, clip, parts in ((", clipped", CLIP, clipped), ("", None, relative)):
 
         def measure(
             _: Measured, image: Image, r: ReferenceImage, clip: float | None = clip
         ) -> float:
             return float(np.sqrt(max(mean_square(image[None], r, clip), 0.0)))
 
-        yield from of_frames(f"relative RMSE{label}", measure)(data)
+        yield from of_frames(f"relative RMSE{label}", measure, parts)(data)
 
 
-def equal_time(data: Measured) -> Iterator[Row]:
+def equal_time(data: Measured) -> Iterator[Row | Refused]:
     """
     Error of one frame of the baseline at its time, over error times time of a variant.
 
     Above 1, a variant is better than the baseline given the same time. Three readings, always
     together: the last frame at its own time, the last frame charged with all frames, and the
     average of all frames. For the baseline itself only the last says anything: 1, but for noise and
-    the time of averaging, or for what trimming does.
+    the time of averaging, or for what trimming does. Error and time are those of each run.
     """
-    base_runs = data.runs[data.baseline]
-    base_time = float(np.median(np.concatenate([run.times for run in base_runs])))
-    for label, trim in (("", 0.0), (", trimmed", data.trim)):
-        base = base_time * np.array([_error_of_a_frame(data, run, trim) for run in base_runs])
+    reference = reference_of(data)
+    for label, trim, parts in (("", 0.0, relative), (", trimmed", data.trim, clipped)):
+        title = f"equal time{label}"
+        if refused := refusal(data, title, shares(reference, means_of(data), parts)):
+            yield refused
+            continue
+        base = np.array(
+            [
+                _error_of_a_frame(data, run, trim) * np.median(run.times)
+                for run in data.runs[data.baseline]
+            ]
+        )
         for name, runs in data.runs.items():
             if not runs[0].times.size:
                 continue
-            own_time = float(np.median([run.times[-1] for run in runs]))
-            all_time = float(np.median([run.times.sum() for run in runs]))
-            last = np.array([relmse(data, run.last, trim) for run in runs])
-            average = np.array([relmse(data, run.mean, trim) for run in runs])
+            last, average = (
+                np.array([relmse(data, image, trim) for image in images])
+                for images in ([run.last for run in runs], [run.mean for run in runs])
+            )
+            all_time = np.array([run.times.sum() for run in runs])
             readings = [("average of all frames", average * all_time)]
             if name != data.baseline:
                 readings = [
-                    ("last frame at its own time", last * own_time),
+                    ("last frame at its own time", last * [run.times[-1] for run in runs]),
                     ("last frame charged with all", last * all_time),
                     *readings,
                 ]
             for reading, cost in readings:
-                value = _ratio(base, cost) or lone(float(base.mean() / cost.mean()))
-                yield make_row(data, name, f"equal time: {reading}{label}", "x", value, None)
+                value, p_value = lone(float(base.mean() / cost.mean())), None
+                if len(base) == len(cost) > 1:
+                    value = _ratio(base, cost) or value
+                    p_value = intervals.paired_difference(base, cost).p_value
+                quantity = f"equal time: {reading}{label}"
+                yield make_row(data, name, quantity, "x", value, None, p_value=p_value)
 
 
 def _error_of_a_frame(data: Measured, run: Run, trim: float) -> float:

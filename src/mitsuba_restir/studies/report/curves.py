@@ -12,8 +12,8 @@ from ...analysis import spectrum
 from ...analysis.covariance_images import lag_products
 from ...analysis.images import FloatArray, luminance
 from ..frame_errors import CLIP, frames_of
-from ..noise import check_reference
-from ..results import Measured, ReferenceImage, Run
+from ..noise import clipped, refusal, shares
+from ..results import Measured, ReferenceImage, Refused, Run
 from ..scalars import relmse
 
 Values = npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ class Curve:
     seconds : array, (F,)
         Median time until each frame is finished, over runs.
     single, average : array, (K, F)
-        relMSE of each frame, and of the average of all frames up to it, for each run.
+        Trimmed relMSE of each frame, and of the average of all frames up to it, for each run.
     """
 
     seconds: Values
@@ -80,23 +80,17 @@ class Lags:
     error: Values
 
 
-def convergence(data: Measured) -> dict[str, Curve]:
-    """
-    Compute the errors of all variants whose frames are kept; empty without a reference.
-
-    Raises
-    ------
-    NoisyReferenceError
-        The reference is too noisy for the average of all frames.
-    """
+def convergence(data: Measured) -> dict[str, Curve] | Refused:
+    """Compute the errors of all variants whose frames are kept; empty without a reference."""
     if data.reference is None:
         return {}
     kept = {
         name: [run for run in runs if run.load_frames is not None and run.times.size > 1]
         for name, runs in data.runs.items()
     }
-    check_reference(data, kept, "the convergence", "mean")
-    return {name: _curve(data, runs) for name, runs in kept.items() if runs}
+    means = {name: [run.mean for run in runs] for name, runs in kept.items()}
+    refused = refusal(data, "the convergence", shares(data.reference, means, clipped))
+    return refused or {name: _curve(data, runs) for name, runs in kept.items() if runs}
 
 
 def _curve(data: Measured, runs: Sequence[Run]) -> Curve:
@@ -193,10 +187,10 @@ def convergence_records(curves: Mapping[str, Curve], size: str) -> list[Record]:
             "variant": name,
             "frame": frame + 1,
             "seconds": float(curve.seconds[frame]),
-            "relmse": float(curve.single[:, frame].mean()),
-            "relmse_error": float(standard_error(curve.single)[frame]),
-            "relmse_of_average": float(curve.average[:, frame].mean()),
-            "relmse_of_average_error": float(standard_error(curve.average)[frame]),
+            "relmse_trimmed": float(curve.single[:, frame].mean()),
+            "relmse_trimmed_error": float(standard_error(curve.single)[frame]),
+            "relmse_trimmed_of_average": float(curve.average[:, frame].mean()),
+            "relmse_trimmed_of_average_error": float(standard_error(curve.average)[frame]),
         }
         for name, curve in curves.items()
         for frame in range(len(curve.seconds))

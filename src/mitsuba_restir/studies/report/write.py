@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ...imageio import encode_exr, encode_png
+from ...analysis import metrics
+from ...imageio import Image, encode_exr, encode_png
 from ..arrays import make_folder
 from ..config import Reference, Study
 from ..files import dump_study
 from ..frame_errors import chain_spectra
-from ..noise import NoisyReferenceError
-from ..results import Measured, Row
+from ..results import Measured, ReferenceImage, Refused, Row
 from ..runner import load_size
 from ..store import StudyFolder
 from ..table import Table
@@ -37,8 +38,12 @@ _CAPTIONS = (
     ("time of a frame", "time"),
 )
 
-# Not linear in the squared error: the curve of a display, and leaving out the worst pixels.
-_WITH_ITS_ERROR = ("RMSE, displayed", "relMSE, trimmed")
+# What is not linear in the squared error keeps a part of the reference's, or all of it.
+_WITH_A_PART = ("relMSE, trimmed",)
+_WITH_ALL: Mapping[str, Callable[[ArrayLike, ArrayLike], float]] = {
+    "SMAPE": metrics.smape,
+    "HDR-FLIP": lambda image, reference: metrics.hdr_flip(image, reference).mean,
+}
 
 
 def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
@@ -104,11 +109,11 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
 
 def _convergence(data: Measured, notes: list[str]) -> dict[str, curves.Curve]:
     """Return the errors by frame; a note instead where the reference is too noisy for them."""
-    try:
-        return curves.convergence(data)
-    except NoisyReferenceError as error:
-        notes.append(str(error))
+    found = curves.convergence(data)
+    if isinstance(found, Refused):
+        notes.append(found.reason)
         return {}
+    return found
 
 
 def _powers(data: Measured) -> dict[str, curves.Values]:
@@ -173,14 +178,28 @@ def _about_errors(data: Measured, quantities: set[str]) -> str:
             f"{median:.2g} % of a pixel's luminance in the median and {worst:.2g} % at the 90th "
             "percentile."
         )
-        if with_it := [f"“{name}”" for name in _WITH_ITS_ERROR if name in quantities]:
-            sentences.append(f"A part of it stays in {' and '.join(with_it)}.")
+        sentences += [
+            f"A part of it stays in “{name}”." for name in _WITH_A_PART if name in quantities
+        ]
+        sentences += [
+            f"All of it stays in “{name}”: of a perfect image it would be about "
+            f"{measure(_with_its_noise(reference), reference.image):.2g}."
+            for name, measure in _WITH_ALL.items()
+            if name in quantities
+        ]
     if any("clipped" in name for name in quantities):
         sentences.append(
             "What is clipped favours images that are too dark: of errors that are very bright only "
             "a part counts. Look at the mean and at what is not clipped, too."
         )
     return " ".join(sentences)
+
+
+def _with_its_noise(reference: ReferenceImage) -> Image:
+    """Return what differs from a reference as the truth does: by noise of the same variance."""
+    noise = np.random.default_rng(0).standard_normal((*reference.image.shape[:2], 1))
+    image = reference.image + np.sqrt(reference.variance) * noise
+    return np.maximum(image, 0.0).astype(np.float32)
 
 
 def _galleries(
