@@ -33,6 +33,7 @@ from mitsuba_restir.sampling.georgiev import energy, image_energy
 from mitsuba_restir.studies import load_study, run_study
 from mitsuba_restir.studies.adapt import on_scene, quick, without
 from mitsuba_restir.studies.mutation_spectra import numbers
+from mitsuba_restir.studies.results import ReferenceImage
 
 RULES = ("mutation", "mutation_updated")
 STEP = 0.2
@@ -353,7 +354,8 @@ def test_no_kernel_is_compiled_after_the_first_frames(rgb, blue_noise):
 def test_numbers_of_a_frame():
     """White errors of known power, and mutations that change nothing but the mixed image."""
     rng = np.random.default_rng(6)
-    reference = np.full((64, 64, 3), 2.0)
+    level = np.full((64, 64, 3), 2.0)
+    reference = ReferenceImage(level, np.zeros_like(level))
     white = rng.standard_normal((3, 64, 64))
     shown, before, mixed = (2 * (1 + s * w) for s, w in zip((0.1, 0.2, 0.4), white, strict=True))
     mixed = np.abs(mixed)
@@ -365,6 +367,11 @@ def test_numbers_of_a_frame():
     assert found["power 0.25-0.5, mixed"] > found["power 0.25-0.5, before spatial reuse"]
     assert found["energy, mixed"] < found["energy, before spatial reuse"] < found["energy, shown"]
     assert found["largest change of luminance by mutations"] == 0
+    noisy = ReferenceImage(level, np.full_like(level, 0.15**2))
+    surer = numbers(np.dstack([shown, shown, shown, before, before, mixed]), noisy)
+    excess = (0.15 / 2.02) ** 2
+    for band in ("power 0.02-0.06, mixed", "power 0.25-0.5, before spatial reuse"):
+        assert surer[band] == pytest.approx(found[band] - excess)
     changed = np.dstack([shown, shown, shown, before, 1.25 * before, mixed])
     change = numbers(changed, reference)["largest change of luminance by mutations"]
     assert change == pytest.approx(0.25)

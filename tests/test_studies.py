@@ -24,9 +24,10 @@ import mitsuba_restir.studies.runs as runs_module
 from mitsuba_restir import cli
 from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
+from mitsuba_restir.imageio import encode_exr, write_atomically
 from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study
 from mitsuba_restir.studies.arrays import load_arrays, save_arrays
-from mitsuba_restir.studies.config import Study, Variant
+from mitsuba_restir.studies.config import Reference, Study, Variant
 from mitsuba_restir.studies.files import dump_study
 from mitsuba_restir.studies.quantities import QUANTITIES
 from mitsuba_restir.studies.rendering import Renderer, seed_of
@@ -201,6 +202,7 @@ def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
         ("seed = 5", "mitsuba_variant = 'scalar_rgb'", "as in llvm_ad_rgb or cuda_ad_rgb, not"),
         ("spp = 64", "spp = 64\nvariance = 'v.exr'", "variance goes with file"),
         ('name = "small"', 'name = "../small"', r"without / and \, not '../small'"),
+        ("[variants.plain]", "[variants.reference]", "'reference' is what the truth is called"),
     ],
 )
 def test_bad_toml_is_refused_in_one_line(
@@ -225,6 +227,9 @@ def test_bad_toml_is_refused_in_one_line(
         (["core_time", "-o", "out", "-s", "scene=$NOT_SET_ANYWHERE/x.xml"], "set the environment"),
         (["core_time", "-o", "out", "-s", "scene=nowhere"], "neither a file nor an embedded"),
         (["core_time", "-o", "out", "-s", "mitsuba_variant=cpu"], "mitsuba_variant"),
+        (["core_time", "-s", "variants.pth.spp=4"], "no variant 'pth' to change: there are path,"),
+        (["core_time", "-s", "published.pth.RMSE=1"], "published values of 'pth', which is none"),
+        (["shifts", "-o", "x" * 300], "File name too long"),
     ],
 )
 def test_wrong_use_is_one_line(
@@ -428,6 +433,31 @@ def test_a_reference_that_is_too_noisy_is_refused(
     assert len(table.notes) == 1
     assert "RMSE at 24x16 is not given" in table.notes[0]
     assert "the reference's own noise; give the reference 2 times the samples" in table.notes[0]
+
+
+def test_a_reference_of_unknown_error_is_noted(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    file = tmp_path / "truth.exr"
+    write_atomically(file, encode_exr(np.ones((16, 24, 3), np.float32)))
+    changed = replace(study, reference=Reference(file=str(file)))
+    (note,) = run_study(changed, tmp_path / "out").notes
+    assert "the error of the reference" in note
+    assert "a variance can be given" in note
+
+
+def test_a_probe_with_another_reference_is_asked_again(
+    study: Study, tmp_path: Path, log: list[tuple[str, int]]
+) -> None:
+    own = StudyFolder(tmp_path / "out", study)
+    for probe in ("mutation_spectra", "rays"):
+        own.save_probe((24, 16), "plain", probe, 0, {"number": 1.0})
+        assert own.load_probe((24, 16), "plain", probe, 0) == {"number": 1.0}
+    assert study.reference is not None
+    own.study = replace(study, reference=replace(study.reference, spp=128))
+    assert own.load_probe((24, 16), "plain", "mutation_spectra", 0) is None
+    assert own.load_probe((24, 16), "plain", "rays", 0) == {"number": 1.0}
+    assert "another reference" in own.refused[0]
 
 
 def test_a_reference_is_rendered_to_a_stated_noise(

@@ -18,7 +18,7 @@ from mitsuba_restir import cli
 from mitsuba_restir.cli import evaluate
 from mitsuba_restir.cli.arguments import OneLineParser
 from mitsuba_restir.errors import RenderError, UsageError
-from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study, runner
+from mitsuba_restir.studies import Study, cache, load_study, packaged_studies, run_study, runner
 from mitsuba_restir.studies.adapt import on_scene, quick, without
 from mitsuba_restir.studies.lock import FolderLock
 from mitsuba_restir.studies.store import StudyFolder
@@ -96,6 +96,24 @@ def test_the_text_of_a_changed_study_is_true() -> None:
     assert "in another scene" in on_scene(study, "cornell").about
     silent = replace(study, about="")
     assert "What follows" not in quick(silent).about
+
+
+def test_the_users_own_keys_come_last(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Another scene and a quick look change many keys; those that were asked for stay."""
+    seen: list[Study] = []
+
+    def folder(path: Path, study: Study) -> StudyFolder:
+        seen.append(study)
+        raise UsageError("enough")
+
+    monkeypatch.setattr(evaluate, "StudyFolder", folder)
+    keys = ("-s", "runs=7", "-s", "reference.spp=8192", "-s", "sizes=['40x30']")
+    with pytest.raises(UsageError, match="enough"):
+        _evaluate("thesis", "--scene", "cornell", "--quick", *keys)
+    (study,) = seen
+    assert (study.scene, study.frames, study.runs, study.sizes) == ("cornell", 6, 7, ((40, 30),))
+    assert study.reference is not None
+    assert study.reference.spp == 8192
 
 
 def test_variants_can_be_left_out() -> None:

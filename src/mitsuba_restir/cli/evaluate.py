@@ -17,6 +17,7 @@ from ..studies import load_study, packaged_studies, write_report
 from ..studies.adapt import on_scene, quick, without
 from ..studies.config import Reference, Study
 from ..studies.dask_cluster import dask_cluster
+from ..studies.files import change_study
 from ..studies.progress import progress_bar
 from ..studies.runner import run_folder
 from ..studies.store import StudyFolder
@@ -90,13 +91,15 @@ def _evaluate(folder: StudyFolder, dask: str | None, command: str) -> None:
 
 
 def _study(options: argparse.Namespace) -> Study:
-    study = load_study(options.study, options.changes)
-    if options.without:
-        study = without(study, options.without)
+    study = load_study(options.study)
     if options.scene:
         study = on_scene(study, options.scene)
     if options.quick:
         study = quick(study)
+    # The user's own keys come last: the other options change many at once.
+    study = change_study(study, options.changes)
+    if options.without:
+        study = without(study, options.without)
     return _with_reference(options, study)
 
 

@@ -78,7 +78,8 @@ def without(study: Study, names: Collection[str]) -> Study:
         raise UsageError(f"{study.name}: no variant is left")
     lost = {n: replace(v, baseline="") if v.baseline in names else v for n, v in left.items()}
     baseline = "" if study.baseline in names else study.baseline
-    return replace(study, variants=lost, baseline=baseline)
+    published = {n: values for n, values in study.published.items() if n in left}
+    return replace(study, variants=lost, baseline=baseline, published=published)
 
 
 def _about(change: str, original: str) -> str:

@@ -19,7 +19,7 @@ from pathlib import Path
 from .. import scenes
 from ..errors import UsageError
 from .config import Size, Study
-from .rendering import scene_file
+from .rendering import expand, scene_file
 
 VARIABLE = "MITSUBA_RESTIR_CACHE"
 
@@ -70,6 +70,16 @@ def reference_digest(study: Study, size: Size, scene: str) -> str:
         **({} if study.crop is None else {"crop": list(study.crop)}),
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def reference_key(study: Study) -> str:
+    """Digest of which reference a study has: its settings and its files; empty without one."""
+    if study.reference is None:
+        return ""
+    digest = hashlib.sha256(json.dumps(asdict(study.reference), sort_keys=True).encode())
+    for file in filter(None, (study.reference.file, study.reference.variance)):
+        digest.update(Path(expand(file)).read_bytes())
+    return digest.hexdigest()
 
 
 def reference_folder(study: Study, size: Size, digest: str) -> Path:

@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from ..errors import UsageError
 from .quantities import QUANTITIES
 
+REFERENCE = "reference"
+"""What the truth is called beside the variants."""
+
 Vector = tuple[float, float, float]
 Crop = tuple[float, float, float, float]
 Size = tuple[int, int]
@@ -208,6 +211,12 @@ class Study:
             )
         for name in self.quantities:
             self._check_quantity(name)
+        strange = [name for name in self.published if name not in self.variants]
+        if strange:
+            raise UsageError(
+                f"{self.name}: published values of '{strange[0]}', which is none of the variants "
+                f"({', '.join(self.variants)})"
+            )
         for name, variant in self.variants.items():
             for other in filter(None, (variant.of, variant.blur_to)):
                 if other not in self.rendered():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -45,10 +45,19 @@ def load_study(source: str, changes: Sequence[str] = ()) -> Study:
     UsageError
         There is no such study, it is no TOML, or its content is wrong.
     """
-    table = _parse(_read(source), source)
-    for change in changes:
-        _change(table, change)
-    return from_table(table, source)
+    return _changed(_parse(_read(source), source), changes, source)
+
+
+def change_study(study: Study, changes: Sequence[str]) -> Study:
+    """
+    Change keys of a study, as of `load_study`.
+
+    Raises
+    ------
+    UsageError
+        A key or value is wrong.
+    """
+    return _changed(to_table(study), changes, study.name)
 
 
 def dump_study(study: Study) -> bytes:
@@ -76,6 +85,24 @@ def _parse(text: str, source: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"{source} is no TOML: {one_line(error)}") from error
+
+
+def _changed(table: dict[str, Any], changes: Sequence[str], source: str) -> Study:
+    known = list(_variants(table))
+    for change in changes:
+        _change(table, change)
+    for name, variant in _variants(table).items():
+        if name not in known and isinstance(variant, dict) and not {"type", "of"} & variant.keys():
+            raise UsageError(
+                f"{source}: no variant '{name}' to change: there are {', '.join(known)}"
+            )
+    return from_table(table, source)
+
+
+def _variants(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the variants of a table that has not been checked yet."""
+    found = table.get("variants")
+    return found if isinstance(found, dict) else {}
 
 
 def _change(table: dict[str, Any], change: str) -> None:

@@ -15,15 +15,14 @@ import numpy.typing as npt
 from ..analysis import spectrum
 from ..analysis.images import FloatArray, luminance
 from ..sampling.georgiev import image_energy
-
-# As in the other spectra: fireflies would hide everything else.
-_CLIP = 4.0
+from .frame_errors import CLIP, reference_noise
+from .results import ReferenceImage
 
 CHANNELS = "mutation"
 """Type of the auxiliary image that is measured."""
 
 
-def numbers(tensor: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, float]:
+def numbers(tensor: npt.ArrayLike, reference: ReferenceImage) -> dict[str, float]:
     """
     Measure one frame.
 
@@ -31,15 +30,15 @@ def numbers(tensor: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, float]
     ----------
     tensor : array_like, (H, W, 6)
         Colour, and the three luminances of the auxiliary image.
-    reference : array_like, (H, W, 3)
+    reference : ReferenceImage
 
     Returns
     -------
     dict
         Of the luminance before spatial reuse, of the mixed one and of the frame: power of the
-        relative error by band, mean against the reference (relative errors clipped), mean
-        Georgiev-Fajardo energy of a pixel. And the largest relative change of the luminance of a
-        pixel by its mutations.
+        relative error by band, without the reference's own noise; mean against the reference
+        (relative errors clipped); mean Georgiev-Fajardo energy of a pixel. And the largest relative
+        change of the luminance of a pixel by its mutations.
     """
     frame = np.asarray(tensor, dtype=np.float64)
     before, after, mixed = np.moveaxis(frame[..., 3:6], -1, 0)
@@ -50,8 +49,9 @@ def numbers(tensor: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, float]
     }
     found: dict[str, float] = {}
     for name, image in images.items():
-        error = spectrum.relative_error(image, reference, clip=_CLIP)
-        found |= {f"{key}, {name}": value for key, value in _bands(error).items()}
+        error = np.clip((image - reference.luminance) / reference.scale, -CLIP, CLIP)
+        power = spectrum.power_spectrum(error) - reference_noise(reference, "hann")
+        found |= {f"{key}, {name}": value for key, value in _bands(power).items()}
         found[f"mean of the clipped error, {name}"] = float(error.mean())
         found[f"energy, {name}"] = _energy(image, float(before.mean()))
     lit = before > 0.0
@@ -60,8 +60,7 @@ def numbers(tensor: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, float]
     return found
 
 
-def _bands(error: FloatArray) -> Mapping[str, float]:
-    power = spectrum.power_spectrum(error)
+def _bands(power: FloatArray) -> Mapping[str, float]:
     f = spectrum.frequencies(power.shape)
     bands = [
         (low, high) for low, high in spectrum.TABLE_BANDS if np.any((f >= low) & (f < high))

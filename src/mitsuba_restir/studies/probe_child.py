@@ -22,6 +22,7 @@ from .config import Size, Study
 from .mutation_spectra import CHANNELS, numbers
 from .rays import counted_rays
 from .rendering import Renderer, load_scene, make_renderer, seed_of
+from .results import ReferenceImage
 from .tables import from_table
 
 _PROBE_KEY = 3
@@ -128,7 +129,8 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
 
 def _mutation_spectra(task: _Task) -> dict[str, float]:
     """Spectra before and after spatial reuse; empty for integrators without mutations."""
-    reference = np.load(task.reference)
+    with np.load(task.reference) as file:
+        reference = ReferenceImage(file["image"], file["variance"], float(file["smooth"]))
     renderer = task.with_images(CHANNELS).renderer()
     if renderer.statistics is None:
         return {}

@@ -88,8 +88,8 @@ def _mutation_spectra(
     known = reference()
     assert known is not None
     with tempfile.TemporaryDirectory() as folder:
-        file = str(Path(folder) / "reference.npy")
-        np.save(file, known.image)
+        file = str(Path(folder) / "reference.npz")
+        np.savez(file, image=known.image, variance=known.variance, smooth=known.smooth)
         return _run_child(study, "mutation_spectra", size, variant, index, reference=file)
 
 
@@ -116,3 +116,6 @@ PROBES: Mapping[str, Probe] = {
     "startup": _startup,
 }
 """Probes by name."""
+
+REFERENCED = frozenset({"mutation_spectra"})
+"""Those whose answers depend on the reference."""

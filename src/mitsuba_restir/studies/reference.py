@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from ..errors import UsageError
 from ..imageio import read_rgb
-from .config import Reference, Size, Study, Variant
+from .config import REFERENCE, Reference, Size, Study, Variant
 from .rendering import expand, make_renderer, seed_of
 from .results import Image, ReferenceImage
 from .store import StudyFolder
@@ -152,7 +152,7 @@ def render_batches(
     parameters = {"max_depth": study.max_depth, "rr_depth": 1_000_000}
     spp = study.reference.spp // study.reference.batches
     variant = Variant("path", spp, parameters)
-    renderer = make_renderer(study, scene, size, "reference", variant)
+    renderer = make_renderer(study, scene, size, REFERENCE, variant)
     mean = _Mean(study.reference, size)
     while not mean.is_enough():
         index = mean.count
@@ -183,12 +183,14 @@ def load_reference(folder: StudyFolder, size: Size) -> ReferenceImage | None:
 def notes_on_reference(study: Study, reference: ReferenceImage | None) -> list[str]:
     """Say where a reference is not as sure as the study asks."""
     asked = study.reference
-    if (
-        reference is None
-        or asked is None
-        or asked.smooth
-        or not 0.0 < asked.noise < reference.noise
-    ):
+    if reference is None or asked is None:
+        return []
+    if asked.file and not asked.variance:
+        return [
+            f"the error of the reference {asked.file} is not known: it counts as that of every "
+            "variant, and tests of bias take it as exact; a variance can be given"
+        ]
+    if asked.smooth or not 0.0 < asked.noise < reference.noise:
         return []
     return [
         f"the reference's noise is {100 * reference.noise:.2g} % in the median, not "

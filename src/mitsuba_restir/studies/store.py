@@ -14,12 +14,19 @@ import numpy.typing as npt
 from ..errors import UsageError, one_line
 from ..imageio import write_atomically
 from .arrays import Stored, load_arrays, make_folder, save_arrays
-from .cache import reference_digest, reference_folder, remove_leftovers, scene_digest
+from .cache import (
+    reference_digest,
+    reference_folder,
+    reference_key,
+    remove_leftovers,
+    scene_digest,
+)
 from .config import Size, Study
 from .environment import environment
 from .files import dump_study, load_study
 from .lock import FILE as LOCK
 from .lock import FolderLock
+from .probes import REFERENCED
 from .provenance import FILE as PROVENANCE
 from .provenance import differences, digest_of, entry, read_history, usable_digests
 from .results import Image, Run
@@ -60,9 +67,13 @@ class StudyFolder:
         self._lock: FolderLock | None = None
         config = path / "config.toml"
         self._history = entry(study)
-        if config.exists():
+        try:
+            known, taken = config.exists(), path.exists() and not _is_begun(path)
+        except OSError as error:
+            raise UsageError(f"cannot use {path}: {error.strerror}") from error
+        if known:
             self._compare(load_study(str(config)))
-        elif path.exists() and not _is_begun(path):
+        elif taken:
             raise UsageError(f"{path} exists and holds no study: choose a new folder")
 
     def claim(self) -> None:
@@ -188,6 +199,8 @@ class StudyFolder:
         try:
             content = json.loads(path.read_text("utf-8"))
             self._check(variant, path, content)
+            if content.get("reference", "") != self._reference_of(probe):
+                raise ValueError("it was measured with another reference")
             return {str(name): float(value) for name, value in content["numbers"].items()}
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
@@ -199,8 +212,14 @@ class StudyFolder:
         """Write what a probe said of a run."""
         path = self._probe_file(size, variant, probe, index)
         content = {**self._label(path), "numbers": dict(numbers)}
+        if reference := self._reference_of(probe):
+            content["reference"] = reference
         make_folder(path.parent)
         write_atomically(path, json.dumps(content).encode())
+
+    def _reference_of(self, probe: str) -> str:
+        """Return the key of the reference that a probe's answers depend on, if they do."""
+        return reference_key(self.study) if probe in REFERENCED else ""
 
     def _probe_file(self, size: Size, variant: str, probe: str, index: int) -> Path:
         return self._file(f"probes/{probe}", size, variant, index).with_suffix(".json")

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import UsageError
 from . import fields
-from .config import Crop, Motion, Reference, Size, Study, Variant, View
+from .config import REFERENCE, Crop, Motion, Reference, Size, Study, Variant, View
 
 
 def to_table(study: Study) -> dict[str, Any]:
@@ -116,6 +116,8 @@ def _names(reader: fields.Reader) -> list[str]:
     for name in names:
         if not re.fullmatch(r"[A-Za-z0-9][\w+.-]*", name):
             raise UsageError(f"{reader.source}: '{name}' cannot name a variant: use a-z, 0-9, _+.-")
+        if name == REFERENCE:
+            raise UsageError(f"{reader.source}: '{name}' is what the truth is called: name it else")
     if not names:
         raise UsageError(f"{reader.source}: [variants] is empty: name at least one")
     return names

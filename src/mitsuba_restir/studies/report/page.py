@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image as Pillow
 
 from ...imageio import encode_png
+from ..config import REFERENCE
 from ..results import Row
 from .colours import Picture
 from .headline import Headline
@@ -158,7 +159,7 @@ def _strip(picture: Picture) -> str:
 def _compare(layers: Sequence[Gallery], baseline: str) -> str:
     names = list(layers[0].pictures)
     left = baseline if baseline in names else names[0]
-    right = "reference" if "reference" in names else names[-1]
+    right = REFERENCE if REFERENCE in names else names[-1]
 
     def choice(which: str, options: Mapping[str, str], chosen: str, label: str) -> str:
         items = "".join(

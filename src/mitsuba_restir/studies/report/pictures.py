@@ -13,6 +13,7 @@ from ...analysis.denoise import denoise
 from ...analysis.images import FloatArray, luminance
 from ...imageio import to_srgb8
 from ..biases import BLOCK, LEAST_RUNS, block_scores
+from ..config import REFERENCE
 from ..frame_errors import CLIP, SIGMA, relative_errors
 from ..results import Image, Measured, ReferenceImage, Run
 from .colours import Picture, diverging
@@ -132,7 +133,7 @@ def galleries(data: Measured, shown: Shown) -> list[Gallery]:
 def _images(data: Measured, shown: Shown) -> Gallery:
     pictures = {name: to_srgb8(shown.scale * frame) for name, frame in shown.frames.items()}
     if data.reference is not None:
-        pictures["reference"] = to_srgb8(shown.scale * data.reference.image)
+        pictures[REFERENCE] = to_srgb8(shown.scale * data.reference.image)
     about = f"The last frame of the first run, {shown.scale:.2g} times as bright as rendered, sRGB."
     return Gallery("images", "Images", about, pictures, layer=True)
 

@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from ...analysis.images import FloatArray, luminance
 from ...imageio import to_srgb8
+from ..config import REFERENCE
 from ..results import Image, Measured
 from .colours import Picture
 from .pictures import Shown, error_pictures, seen_pictures
@@ -85,7 +86,7 @@ def strip(
     array, (H, W, 3), uint8
     """
     rows = _rows(data, shown, spectra)
-    names = [*shown.frames, *(["reference"] if data.reference is not None else [])]
+    names = [*shown.frames, *([REFERENCE] if data.reference is not None else [])]
     bands = -(-len(names) // _COLUMNS)
     columns = -(-len(names) // bands)
     heights = [_height(row) for row in rows]
@@ -110,7 +111,7 @@ def _rows(data: Measured, shown: Shown, spectra: Mapping[str, Picture]) -> list[
     reference = data.reference
     frames = dict(shown.frames)
     if reference is not None:
-        frames["reference"] = reference.image.astype(np.float32)
+        frames[REFERENCE] = reference.image.astype(np.float32)
     truth = luminance(next(iter(shown.runs.values()))[0].mean)
     truth = truth if reference is None else reference.luminance
     rows = [_Row("frame", _exposed(frames, shown.scale))]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ...analysis import metrics
 from ...imageio import Image, encode_exr, encode_png
 from ..arrays import make_folder
-from ..config import Reference, Study
+from ..config import REFERENCE, Reference, Study
 from ..files import dump_study
 from ..frame_errors import chain_spectra
 from ..results import Measured, ReferenceImage, Refused, Row
@@ -270,7 +270,7 @@ def _write_frames(folder: StudyFolder, data: Measured) -> None:
     """Write the frames that the report shows as they were rendered."""
     images = {name: runs[0].last for name, runs in data.runs.items() if runs}
     if data.reference is not None and images:
-        images["reference"] = data.reference.image.astype(np.float32)
+        images[REFERENCE] = data.reference.image.astype(np.float32)
     for name, image in images.items():
         make_folder(folder.path / "frames" / data.size)
         folder.write(str(Path("frames") / data.size / f"{name}.exr"), encode_exr(image))
