@@ -62,3 +62,17 @@ def test_comparison_writes_pictures_and_numbers(tmp_path, monkeypatch, capsys):
     assert cli.main(wrong) == 2
     assert "32x18" in capsys.readouterr().err
     assert not Path("p").exists()
+
+
+@pytest.mark.slow
+def test_the_noise_of_the_reference_is_subtracted_and_named(tmp_path, monkeypatch, capsys):
+    """With few samples, path's own mean must not look worse than it is."""
+    monkeypatch.chdir(tmp_path)
+    size = ["compare", "cornell", "--resolution", "32x18", "-p", "max_depth=3", "--frames", "128"]
+    errors = {}
+    for spp in (64, 2048):
+        assert cli.main([*size, "--reference-spp", str(spp), "-o", f"o{spp}"]) == 0
+        variants = json.loads(Path(f"o{spp}/compare.json").read_text())["variants"]
+        errors[spp] = variants[0]["relmse_mean_of_frames"]
+        assert ("do not rely on relMSE of mean" in capsys.readouterr().err) == (spp == 64)
+    assert errors[64] == pytest.approx(errors[2048], rel=0.35)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.resources
 import statistics
+import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +23,8 @@ from .. import imageio
 from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
+from ..studies.noise import excess, shares, trimmed
+from ..studies.results import ReferenceImage
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
 from .parameters import Value, parse_parameters
@@ -74,22 +77,26 @@ class Run:
     total: npt.NDArray[np.float64] | None = None
     last: Image | None = None
 
-    def add(self, image: Image, seconds: float, reference: Image) -> None:
+    def add(self, image: Image, seconds: float, reference: ReferenceImage) -> None:
         """Take one frame."""
         self.seconds.append(seconds)
         self.errors.append(_errors(image, reference))
         self.last = image
         self.total = image + (np.zeros(image.shape) if self.total is None else self.total)
 
-    def row(self, reference: Image) -> compare_report.Row:
+    def mean(self) -> Image:
+        """Return the mean of the frames."""
+        assert self.total is not None
+        return np.asarray(self.total / len(self.seconds), dtype=np.float32)
+
+    def row(self, reference: ReferenceImage) -> compare_report.Row:
         """Summarise: medians of time over the frames after compilation, errors at the end."""
         assert self.last is not None
-        assert self.total is not None
         frames = len(self.seconds)
         # The first two frames compile: the second is the first that has a history.
         warm = self.seconds[2:] or self.seconds[-1:]
         tail = self.errors[-max(1, frames // 4) :]
-        mean = (self.total / frames).astype(np.float32)
+        mean = self.mean()
         errors = compare_report.Errors(
             statistics.fmean(entry.relmse for entry in tail),
             statistics.fmean(entry.trimmed for entry in tail),
@@ -100,9 +107,11 @@ class Run:
         )
 
 
-def _errors(image: Image, reference: Image) -> compare_report.Errors:
+def _errors(image: Image, reference: ReferenceImage) -> compare_report.Errors:
+    truth, variance = reference.image, reference.variance
     return compare_report.Errors(
-        metrics.relmse(image, reference), metrics.trimmed_relmse(image, reference)
+        metrics.relmse(image, truth, reference_variance=variance),
+        metrics.trimmed_relmse(image, truth, reference_variance=variance),
     )
 
 
@@ -170,25 +179,30 @@ def run(options: argparse.Namespace) -> int:
     with rendering():
         if options.make_reference:
             spp = options.reference_spp
-            image = _render_reference(scene, sensor, depths, spp, options.seed)
+            image = _render_reference(scene, sensor, depths, spp, options.seed).image
             metadata = {"integrator": f"path {depths}", "spp": str(spp), "scene": options.scene}
-            data = imageio.encode_exr(image, metadata=metadata, half=True)
+            data = imageio.encode_exr(image.astype(np.float32), metadata=metadata, half=True)
             imageio.write_atomically(options.make_reference, data)
             console.print(f"{options.make_reference}: {spp} samples per pixel by path, {depths}")
             return 0
-        source = str(options.reference)
+        source = f"{options.reference}, whose own error is in all errors"
         if given is None:
             given = _embedded_reference(options.scene, size, depths, options.sensor)
-            source = "the committed one"
+            source = "the committed one, whose own error is in all errors"
         if given is None:
             spp = options.reference_spp
-            given = _render_reference(scene, sensor, depths, spp, options.seed)
-            source = f"path, {spp} samples per pixel"
-        _render_all(runs, scene, sensor, options.frames, options.seed, given)
-    rows = [entry.row(given) for entry in runs]
+            reference = _render_reference(scene, sensor, depths, spp, options.seed)
+            source = f"path, {spp} samples per pixel, whose own error is subtracted"
+        else:
+            reference = ReferenceImage(given.astype(np.float64), np.zeros(given.shape))
+        _render_all(runs, scene, sensor, options.frames, options.seed, reference)
+    rows = [entry.row(reference) for entry in runs]
     title = f"{options.scene}, {size[0]}x{size[1]}, depth {depths['max_depth']}"
-    compare_report.write(folder, title, rows, given)
+    compare_report.write(folder, title, rows, reference.image.astype(np.float32))
     console.print(compare_report.table(title, source, rows))
+    means = {entry.label: [entry.mean()] for entry in runs}
+    if text := excess(shares(reference, means, trimmed)):
+        print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
     console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
     return 0
 
@@ -209,7 +223,7 @@ def _render(scene: Any, sensor: Any, integrator: Any, seed: Any, spp: int = 1) -
 
 
 def _render_all(
-    runs: list[Run], scene: Any, sensor: Any, frames: int, seed: int, reference: Image
+    runs: list[Run], scene: Any, sensor: Any, frames: int, seed: int, reference: ReferenceImage
 ) -> None:
     """Render all variants frame by frame in turn, so that a busy machine cannot favour one."""
     for frame in _track(range(frames), "comparing"):
@@ -223,18 +237,25 @@ def _render_all(
 
 def _render_reference(
     scene: Any, sensor: Any, depths: Mapping[str, Value], spp: int, seed: int
-) -> Image:
-    """Render with `path` in batches, without Russian roulette, from seeds of its own."""
+) -> ReferenceImage:
+    """
+    Render with `path` in batches, without Russian roulette, from seeds of its own.
+
+    The variance of a sample is that of the means of n samples about the mean of all, times n.
+    """
     endless = {"rr_depth": 2**31 - 1}
     integrator = loading.make_integrator("path", {**depths, **endless})
     batches = [REFERENCE_BATCH] * (spp // REFERENCE_BATCH)
     batches += [spp % REFERENCE_BATCH] if spp % REFERENCE_BATCH else []
-    total = None
+    total: Any = 0.0
+    squares: Any = 0.0
     for index, batch in enumerate(_track(batches, "reference")):
         image = _render(scene, sensor, integrator, _path_seed(seed + 2**31 + index), batch)
-        part = image.astype(np.float64) * (batch / spp)
-        total = part if total is None else total + part
-    return np.asarray(total, dtype=np.float32)
+        part = image.astype(np.float64)
+        total, squares = total + batch * part, squares + batch * part**2
+    mean = total / spp
+    spread = np.maximum(squares - spp * mean**2, 0.0) / max(len(batches) - 1, 1)
+    return ReferenceImage(mean, spread / spp, samples=spp)
 
 
 def _embedded_reference(

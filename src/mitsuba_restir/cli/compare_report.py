@@ -102,7 +102,8 @@ def table(title: str, reference: str, rows: Sequence[Row]) -> Table:
         box=box.SIMPLE_HEAD,
         caption=f"relMSE against the reference ({reference}), in brackets without the largest 0.1 "
         "% of errors. Gain: how many times longer path tracing takes for the same error as frame "
-        f"{frames} at its own time; as frame {frames} charged with all {frames}; as their mean.",
+        f"{frames} at its own time; as frame {frames} charged with all {frames}; as their mean. "
+        "One run, and so without intervals: see evaluate.",
     )
     result.add_column("variant", no_wrap=True)
     headings = ("ms", f"relMSE of frame {frames}", "relMSE of mean")

@@ -83,7 +83,7 @@ def _band(
     powers = {variant: spectrum.band_power(own, [band])[:, 0] for variant, own in spectra.items()}
     noise = float(spectrum.band_power(reference_noise(reference_of(data), "hann"), [band])[0])
     shares = {variant: noise / (float(own.mean()) + noise) for variant, own in powers.items()}
-    if refused := refusal(data, name, shares if noise > 0.0 else {}):
+    if refused := refusal(data.size, name, shares if noise > 0.0 else {}):
         yield refused
         return
     yield from rows_of_runs(data, name, "", powers)

@@ -9,14 +9,18 @@ import numpy as np
 from scipy import ndimage
 
 from ..analysis import metrics
+from ..analysis.images import FloatArray
 from .frame_errors import CLIP, SIGMA, filtered_noise, reference_noise, relative_errors
-from .results import Image, Measured, ReferenceImage, Refused
+from .results import Image, ReferenceImage, Refused
 
 Parts = Callable[[Image, ReferenceImage], tuple[float, float]]
 """Mean square that is measured of an image, and how much of it is the reference's own noise."""
 
 LIMIT = 0.5
 """Largest share of what is measured that may be the reference's own noise."""
+
+# Share of the pixels, as studies leave out by default.
+_TRIM = 0.001
 
 
 def absolute(image: Image, reference: ReferenceImage) -> tuple[float, float]:
@@ -31,20 +35,38 @@ def displayed(image: Image, reference: ReferenceImage) -> tuple[float, float]:
     return float(np.mean(error**2)), float(np.mean(noise))
 
 
+def relmse(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+    """Of relMSE."""
+    errors, noise = _weighted(image, reference)
+    return float(errors.mean()), float(noise.mean())
+
+
+def trimmed(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+    """Of relMSE without the worst pixels."""
+    errors, noise = (values.ravel() for values in _weighted(image, reference))
+    kept = np.argsort(errors)[: errors.size - int(_TRIM * errors.size)]
+    return float(errors[kept].mean()), float(noise[kept].mean())
+
+
+def _weighted(image: Image, reference: ReferenceImage) -> tuple[FloatArray, FloatArray]:
+    """Squared errors over squared values, and the reference's part, (H, W), mean over channels."""
+    # Where the reference is too dark by its noise, its own square would make the error seem
+    # larger, and the noise a smaller part of it than it is.
+    smooth = ndimage.gaussian_filter(reference.image, (SIGMA, SIGMA, 0.0))
+    weight = 1.0 / (np.maximum(reference.image, smooth) ** 2 + metrics.DEFAULT_EPSILON)
+    errors = (image - reference.image) ** 2 * weight
+    return errors.mean(axis=2), (reference.variance * weight).mean(axis=2)
+
+
 def relative(image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of the squared relative error of luminance."""
-    return _relative(image, reference, None)
+    error = relative_errors(image[None], reference, None)
+    return float(np.mean(error**2)), float(np.mean(reference_noise(reference)))
 
 
 def clipped(image: Image, reference: ReferenceImage) -> tuple[float, float]:
-    """Of the squared relative error, clipped: that of all but the fireflies."""
-    return _relative(image, reference, CLIP)
-
-
-def _relative(image: Image, reference: ReferenceImage, clip: float | None) -> tuple[float, float]:
-    # Over the smoothed reference: where the weights are as noisy as the reference itself, its
-    # noise seems a smaller part than it is.
-    error = relative_errors(image[None], reference, clip)
+    """Of the squared relative error of luminance, clipped: that of all but the fireflies."""
+    error = relative_errors(image[None], reference, CLIP)
     return float(np.mean(error**2)), float(np.mean(reference_noise(reference)))
 
 
@@ -70,23 +92,29 @@ def shares(
     return found
 
 
-def refusal(data: Measured, quantity: str, found: Mapping[str, float]) -> Refused | None:
+def refusal(size: str, quantity: str, found: Mapping[str, float]) -> Refused | None:
     """
     Refuse a quantity of which more than half is the reference's own noise, of some variant.
 
     Parameters
     ----------
-    quantity : str
-        For the message, which is about the variant that needs most.
+    size, quantity : str
+        For the message.
     found : mapping of str to float
         As of `shares`.
     """
+    text = excess(found)
+    return Refused(f"{quantity} at {size} is not given: {text}") if text else None
+
+
+def excess(found: Mapping[str, float]) -> str:
+    """Say which variant needs a surer reference most, and how many samples; empty where none."""
     worst = max(found, key=found.__getitem__, default="")
     if not worst or found[worst] <= LIMIT:
-        return None
-    return Refused(
-        f"{quantity} at {data.size} is not given: {100 * found[worst]:.0f} % of the squared error "
-        f"of '{worst}' is the reference's own noise; {_advice(found[worst])}"
+        return ""
+    return (
+        f"{100 * found[worst]:.0f} % of the squared error of '{worst}' is the reference's own "
+        f"noise; {_advice(found[worst])}"
     )
 
 

@@ -79,12 +79,12 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "rmse_relative": Quantity(relative_rmse, needs_reference=True),
     "relmse": Quantity(
-        of_frames("relMSE", lambda data, image, _: relmse(data, image, 0.0), noise.relative),
+        of_frames("relMSE", lambda data, image, _: relmse(data, image, 0.0), noise.relmse),
         needs_reference=True,
     ),
     "relmse_trimmed": Quantity(
         of_frames(
-            "relMSE, trimmed", lambda data, image, _: relmse(data, image, data.trim), noise.clipped
+            "relMSE, trimmed", lambda data, image, _: relmse(data, image, data.trim), noise.trimmed
         ),
         needs_reference=True,
     ),
@@ -92,7 +92,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         of_mean(
             "relMSE of the average",
             lambda data, image, _: relmse(data, image, 0.0),
-            noise.relative,
+            noise.relmse,
         ),
         needs_reference=True,
     ),

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from ..analysis import intervals, metrics
 from ..analysis.images import FloatArray
 from ..analysis.intervals import Interval, Jackknife
+from . import noise
 from .frame_errors import CLIP, frames_of, mean_square
-from .noise import Parts, clipped, refusal, relative, shares
+from .noise import Parts, refusal, shares
 from .results import Image, Measured, ReferenceImage, Refused, Row, Run
 
 Measure = Callable[[Measured, Image, ReferenceImage], float]
@@ -178,7 +179,7 @@ def of_frames(
     def rows(data: Measured) -> Iterator[Row | Refused]:
         reference = reference_of(data)
         last = {variant: [run.last for run in runs] for variant, runs in data.runs.items()}
-        if refused := refusal(data, name, shares(reference, last, parts)):
+        if refused := refusal(data.size, name, shares(reference, last, parts)):
             yield refused
             return
 
@@ -197,7 +198,7 @@ def of_mean(
 
     def rows(data: Measured) -> Iterator[Row | Refused]:
         reference = reference_of(data)
-        if refused := refusal(data, name, shares(reference, means_of(data), parts)):
+        if refused := refusal(data.size, name, shares(reference, means_of(data), parts)):
             yield refused
             return
         yield from per_run(data, name, "", lambda run: measure(data, run.mean, reference))
@@ -224,7 +225,7 @@ def relmse(data: Measured, image: ArrayLike, trim: float) -> float:
 
 def relative_rmse(data: Measured) -> Iterator[Row | Refused]:
     """Root mean squared relative error of luminance: clipped at +-4, and as it is beside it."""
-    for label, clip, parts in ((", clipped", CLIP, clipped), ("", None, relative)):
+    for label, clip, parts in ((", clipped", CLIP, noise.clipped), ("", None, noise.relative)):
 
         def measure(
             _: Measured, image: Image, r: ReferenceImage, clip: float | None = clip
@@ -244,9 +245,9 @@ def equal_time(data: Measured) -> Iterator[Row | Refused]:
     the time of averaging, or for what trimming does. Error and time are those of each run.
     """
     reference = reference_of(data)
-    for label, trim, parts in (("", 0.0, relative), (", trimmed", data.trim, clipped)):
+    for label, trim, parts in (("", 0.0, noise.relmse), (", trimmed", data.trim, noise.trimmed)):
         title = f"equal time{label}"
-        if refused := refusal(data, title, shares(reference, means_of(data), parts)):
+        if refused := refusal(data.size, title, shares(reference, means_of(data), parts)):
             yield refused
             continue
         base = np.array(

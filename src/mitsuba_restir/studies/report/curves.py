@@ -12,7 +12,7 @@ from ...analysis import spectrum
 from ...analysis.covariance_images import lag_products
 from ...analysis.images import FloatArray, luminance
 from ..frame_errors import CLIP, frames_of
-from ..noise import clipped, refusal, shares
+from ..noise import refusal, shares, trimmed
 from ..results import Measured, ReferenceImage, Refused, Run
 from ..scalars import relmse
 
@@ -89,7 +89,7 @@ def convergence(data: Measured) -> dict[str, Curve] | Refused:
         for name, runs in data.runs.items()
     }
     means = {name: [run.mean for run in runs] for name, runs in kept.items()}
-    refused = refusal(data, "the convergence", shares(data.reference, means, clipped))
+    refused = refusal(data.size, "the convergence", shares(data.reference, means, trimmed))
     return refused or {name: _curve(data, runs) for name, runs in kept.items() if runs}
 
 
