@@ -48,7 +48,7 @@ runs = 6
 keep = "all"
 seed = 5
 quantities = ["rmse", "relmse_trimmed", "covariance", "equal_time", "time",
-    "rmse_relative"]
+    "rmse_relative", "smape"]
 
 [published.better]
 RMSE = 0.125
@@ -316,6 +316,12 @@ def test_the_report_is_one_file(results: Results) -> None:
     # 4 batches of 160 samples each, whose noise is log-normal of 0.5 / sqrt(160), all channels.
     assert noise is not None
     assert "A part of it stays in “relMSE, trimmed”." in unescape(text)
+    floor = re.search(
+        r"All of it stays in “SMAPE”: of a perfect image .* about ([\d.]+)\.", unescape(text)
+    )
+    assert floor is not None
+    # The mean of |a - b| / (a + b) of two values whose difference is normal.
+    assert float(floor[1]) == pytest.approx(0.5 / 640**0.5 * (2.0 / np.pi) ** 0.5 / 2.0, rel=0.3)
     assert "What is clipped favours images that are too dark" in text
     assert float(noise[1]) == pytest.approx(100 * 0.5 / 640**0.5, rel=0.4)
     assert "mitsuba-restir evaluate" in text
@@ -356,8 +362,8 @@ def test_numbers_as_a_data_frame_and_a_figure(results: Results) -> None:
     assert better.p_value.item() <= 1.0
     assert better.ratio.item() == pytest.approx(0.5, abs=0.1)
     assert results.figure("RMSE").axes[0].get_xlabel() == "RMSE"
-    with pytest.raises(UsageError, match=r"no 'SMAPE' at 64x40: there are RMSE"):
-        results.figure("SMAPE")
+    with pytest.raises(UsageError, match=r"no 'HDR-FLIP' at 64x40: there are RMSE"):
+        results.figure("HDR-FLIP")
     for drawn in (results.convergence(), results.convergence("seconds"), results.spectra()):
         labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]
         assert labels == ["plain", "better"]
