@@ -39,6 +39,8 @@ SHARED_PARAMETERS = ("max_depth", "rr_depth", "hide_emitters")
 DEFAULT_SIZE = (256, 144)
 DEFAULT_SCENE = "ajar"
 REFERENCE_BATCH = 32
+LEAST_BATCHES = 8
+"""Of a reference: from fewer, its variance cannot be told."""
 
 _ReuseOff = dict[str, Value]
 VARIANTS: tuple[tuple[str, str, _ReuseOff], ...] = (
@@ -136,9 +138,9 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--reference-spp",
         metavar="N",
-        type=integer(1, 2**24),
+        type=integer(LEAST_BATCHES, 2**24),
         default=512,
-        help="samples per pixel of a reference that is rendered (512)",
+        help=f"samples per pixel of a reference that is rendered (512; at least {LEAST_BATCHES})",
     )
     parser.add_argument(
         "--make-reference",
@@ -245,8 +247,9 @@ def _render_reference(
     """
     endless = {"rr_depth": 2**31 - 1}
     integrator = loading.make_integrator("path", {**depths, **endless})
-    batches = [REFERENCE_BATCH] * (spp // REFERENCE_BATCH)
-    batches += [spp % REFERENCE_BATCH] if spp % REFERENCE_BATCH else []
+    size = min(REFERENCE_BATCH, spp // LEAST_BATCHES)
+    batches = [size] * (spp // size)
+    batches += [spp % size] if spp % size else []
     total: Any = 0.0
     squares: Any = 0.0
     for index, batch in enumerate(_track(batches, "reference")):
@@ -254,7 +257,7 @@ def _render_reference(
         part = image.astype(np.float64)
         total, squares = total + batch * part, squares + batch * part**2
     mean = total / spp
-    spread = np.maximum(squares - spp * mean**2, 0.0) / max(len(batches) - 1, 1)
+    spread = np.maximum(squares - spp * mean**2, 0.0) / (len(batches) - 1)
     return ReferenceImage(mean, spread / spp, samples=spp)
 
 

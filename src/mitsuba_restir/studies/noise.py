@@ -19,7 +19,7 @@ Parts = Callable[[Image, ReferenceImage], tuple[float, float]]
 LIMIT = 0.5
 """Largest share of what is measured that may be the reference's own noise."""
 
-# Share of the pixels, as studies leave out by default.
+# Share of the pixels that studies leave out by default, as the epsilon below is theirs.
 _TRIM = 0.001
 
 
