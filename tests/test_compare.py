@@ -24,6 +24,14 @@ def test_gain_is_time_that_path_needs_for_the_same_error():
     assert other.gains(path, trimmed=True)[0] == 4.0
 
 
+def test_an_error_of_nothing_makes_no_gain():
+    path, other = row("path", 20.0, 8.0, 0.8), row("other", 40.0, 1.0, -0.1)
+    numbers = other.numbers(path)
+    assert numbers["gain_mean_of_frames"] is None
+    assert numbers["gain_last_frame"] == 4.0
+    assert numbers["relmse_mean_of_frames"] == -0.1
+
+
 def test_strip_holds_every_picture():
     rows = [row("a", 1, 1, 1), row("b", 1, 1, 1)]
     picture = strip("title", rows, IMAGE)

@@ -114,6 +114,11 @@ def test_the_users_own_keys_come_last(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert (study.scene, study.frames, study.runs, study.sizes) == ("cornell", 6, 7, ((40, 30),))
     assert study.reference is not None
     assert study.reference.spp == 8192
+    # They may complete a study as well.
+    part = tmp_path / "part.toml"
+    part.write_text('name = "part"\nquantities = ["relmse"]\n[variants.path]\ntype = "path"\n')
+    with pytest.raises(UsageError, match="enough"):
+        _evaluate(str(part), "-s", "scene=cornell", "-s", "reference.spp=64")
 
 
 def test_variants_can_be_left_out() -> None:

@@ -17,6 +17,7 @@ from mitsuba_restir.studies.frame_errors import (
     reference_noise,
     relative_errors,
 )
+from mitsuba_restir.studies.mutation_spectra import SHARE
 from mitsuba_restir.studies.quantities import QUANTITIES
 from mitsuba_restir.studies.reference import smooth
 from mitsuba_restir.studies.results import Measured, ReferenceImage, Refused, Row, Run
@@ -69,7 +70,7 @@ def test_the_noise_of_the_reference_is_known(sigma: float) -> None:
         noisy = _grey(1.0 + deviation * rng.standard_normal(SHAPE))
         reference = smooth(ReferenceImage(noisy, variance), sigma)
         power += spectrum.power_spectrum(relative_errors(frames, reference, None)) / 60
-        known += reference_noise(reference, "hann") / 60
+        known += reference_noise(reference, None, "hann") / 60
         square.append(mean_square(frames, reference, None))
         seen.append(filtered_mse(frames, reference))
     bands = ((0.03, 0.06), (0.06, 0.17)) if sigma else ((0.03, 0.06), (0.06, 0.17), (0.17, 0.5))
@@ -272,9 +273,87 @@ def test_fireflies_do_not_excuse_a_noisy_reference(name: str, refused: list[str]
     rng = np.random.default_rng(12)
     images = 1.0 + 0.05 * rng.standard_normal((3, 1, *SHAPE))
     images[..., 5, 7] = 200.0
-    data = _data({"a": _grey(images)}, _noisy(0.1**2))
+    data = replace(_data({"a": _grey(images)}, _noisy(0.1**2)), trim=0.001)
     found = _refusals(name, data)
     assert [reason.partition(" at ")[0] for reason in found] == refused
+
+
+def test_one_firefly_of_the_reference_does_not_refuse_what_is_clipped() -> None:
+    rng = np.random.default_rng(16)
+    reference = _noisy(0.02**2)
+    reference.variance[20, 30] = 900.0
+    data = _data({"a": _grey(1.0 + 0.3 * rng.standard_normal((2, 1, *SHAPE)))}, reference)
+    for name in ("smape", "filtered_mse", "bands", "radial_spectrum"):
+        assert not _refusals(name, data)
+    (reason,) = _refusals("rmse_relative", data)
+    assert reason.startswith("relative RMSE at")
+
+
+@pytest.mark.parametrize(("trim", "refused"), [(0.0, False), (0.05, True)])
+def test_what_the_study_trims_is_no_excuse(trim: float, refused: bool) -> None:
+    """A reference of 5 % noise, images of 2 % with fireflies in 3 % of the pixels."""
+    rng = np.random.default_rng(17)
+    images = 1.0 + 0.02 * rng.standard_normal((2, 1, *SHAPE))
+    images[rng.random(images.shape) < 0.03] = 5.0
+    data = replace(_data({"a": _grey(images)}, _noisy(0.05**2)), trim=trim)
+    assert bool(_refusals("relmse_trimmed", data)) == refused
+
+
+@pytest.mark.parametrize(("epsilon", "refused"), [(1.0, False), (1e-5, True)])
+def test_what_the_study_weighs_is_checked(epsilon: float, refused: bool) -> None:
+    """Dark pixels, whose reference is noisy, decide where epsilon is small."""
+    rng = np.random.default_rng(18)
+    truth = np.full(SHAPE, 0.02)
+    truth[:8] = 1.0
+    noise = rng.standard_normal((2, 1, *SHAPE))
+    images = truth * (1.0 + np.where(truth == 1.0, 0.3, 0.05) * noise)
+    variance = np.where(truth == 1.0, 1e-6, 0.005**2)
+    noisy = truth + np.sqrt(variance) * rng.standard_normal(SHAPE)
+    data = _data({"a": _grey(images)}, ReferenceImage(_grey(noisy), _grey(variance)))
+    assert bool(_refusals("relmse", replace(data, epsilon=epsilon))) == refused
+
+
+def test_no_error_at_all_is_no_failure() -> None:
+    data = _data({"a": np.ones((2, 1, *SHAPE, 3))}, _exact())
+    for name in ("bands", "radial_spectrum", "rmse", "relmse", "filtered_mse", "smape"):
+        assert not _refusals(name, data)
+        assert all(
+            row.value.value == 0.0
+            for row in _rows(name, data).values()
+            if "share" not in row.quantity
+        )
+
+
+def test_spectra_of_mutations_are_refused_with_a_noisy_reference() -> None:
+    data = _data({"a": np.ones((2, 1, *SHAPE, 3))}, _noisy(0.1**2))
+    probes = {("a", "mutation_spectra"): [{SHARE: share, "power": 1.0} for share in (0.1, 0.2)]}
+    assert {q for _, q in _rows("mutation_spectra", replace(data, probes=probes))} == {
+        SHARE,
+        "power",
+    }
+    noisy = {("a", "mutation_spectra"): [{SHARE: share, "power": 1.0} for share in (0.1, 0.8)]}
+    (reason,) = _refusals("mutation_spectra", replace(data, probes=noisy))
+    assert "80 % of the squared error of 'a'" in reason
+
+
+def test_equal_time_has_an_interval_where_variants_took_turns() -> None:
+    rng = np.random.default_rng(19)
+    images = {name: _grey(1.0 + 0.1 * rng.standard_normal((4, 1, *SHAPE))) for name in "abc"}
+    data = _data(images, _exact())
+    runs = {
+        name: [
+            replace(run, session=f"{k}{name if name == 'c' else ''}") for k, run in enumerate(own)
+        ]
+        for name, own in data.runs.items()
+    }
+    rows = _rows("equal_time", replace(data, runs=runs))
+    quantity = "equal time: last frame at its own time"
+    paired, not_paired = rows["b", quantity], rows["c", quantity]
+    assert paired.p_value is not None
+    assert paired.value.low < paired.value.value < paired.value.high
+    assert not_paired.p_value is None
+    assert np.isnan(not_paired.value.low)
+    assert not_paired.value.value == pytest.approx(1.0, rel=0.1)
 
 
 def test_bands_are_refused_one_by_one() -> None:

@@ -25,6 +25,7 @@ __all__ = [
 ]
 
 DEFAULT_EPSILON = 0.01
+DEFAULT_TRIM = 0.001
 
 
 def _variance_like(variance: ArrayLike | None, shape: tuple[int, ...]) -> FloatArray | float:
@@ -164,7 +165,7 @@ def trimmed_relmse(
     reference: ArrayLike,
     *,
     epsilon: float = DEFAULT_EPSILON,
-    trim: float = 0.001,
+    trim: float = DEFAULT_TRIM,
     reference_variance: ArrayLike | None = None,
 ) -> float:
     """

@@ -24,7 +24,7 @@ from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
 from ..studies.noise import excess, shares, trimmed
-from ..studies.results import ReferenceImage
+from ..studies.results import Measured, ReferenceImage
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
 from .parameters import Value, parse_parameters
@@ -203,7 +203,9 @@ def run(options: argparse.Namespace) -> int:
     compare_report.write(folder, title, rows, reference.image.astype(np.float32))
     console.print(compare_report.table(title, source, rows))
     means = {entry.label: [entry.mean()] for entry in runs}
-    if text := excess(shares(reference, means, trimmed)):
+    settings = metrics.DEFAULT_EPSILON, metrics.DEFAULT_TRIM
+    measured = Measured(f"{size[0]}x{size[1]}", {}, runs[0].label, {}, reference, *settings)
+    if text := excess(shares(measured, means, trimmed)):
         print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
     console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
     return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,20 +63,22 @@ class Row:
         Return how much longer `path` needs for the same error, three ways.
 
         Error times time of one `path` frame over that of: the last frame at its own time; the
-        last frame charged with all frames before it; the mean of all frames.
+        last frame charged with all frames before it; the mean of all frames. NaN where nothing is
+        left of an error but the reference's.
         """
 
         def error(errors: Errors) -> float:
-            return errors.trimmed if trimmed else errors.relmse
+            found = errors.trimmed if trimmed else errors.relmse
+            return found if found > 0.0 else float("nan")
 
         effort = error(path.frame_errors) * path.milliseconds
         own = effort / (error(self.frame_errors) * self.milliseconds)
         mean = effort / (error(self.mean_errors) * self.milliseconds * self.frames)
         return own, own / self.frames, mean
 
-    def numbers(self, path: Row) -> dict[str, str | float]:
-        """Return all numbers by name."""
-        result: dict[str, str | float] = {
+    def numbers(self, path: Row) -> dict[str, str | float | None]:
+        """Return all numbers by name; None where there is none."""
+        result: dict[str, str | float | None] = {
             "variant": self.label,
             "frames": self.frames,
             "milliseconds_per_frame": self.milliseconds,
@@ -91,7 +94,10 @@ class Row:
                 f"gain_last_frame_charged_with_all{suffix}": charged,
                 f"gain_mean_of_frames{suffix}": mean,
             }
-        return result
+        return {
+            name: None if isinstance(value, float) and math.isnan(value) else value
+            for name, value in result.items()
+        }
 
 
 def table(title: str, reference: str, rows: Sequence[Row]) -> Table:

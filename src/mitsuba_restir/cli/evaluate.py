@@ -91,12 +91,12 @@ def _evaluate(folder: StudyFolder, dask: str | None, command: str) -> None:
 
 
 def _study(options: argparse.Namespace) -> Study:
-    study = load_study(options.study)
+    study = load_study(options.study, options.changes)
     if options.scene:
         study = on_scene(study, options.scene)
     if options.quick:
         study = quick(study)
-    # The user's own keys come last: the other options change many at once.
+    # Once more: these options change many keys at once, and the user's own are to stay.
     study = change_study(study, options.changes)
     if options.without:
         study = without(study, options.without)

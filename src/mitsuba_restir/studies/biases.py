@@ -92,7 +92,7 @@ def pixel_biases(data: Measured) -> Iterator[Row | Refused]:
     more surely) against the baseline on the same frames.
     """
     reference = reference_of(data)
-    if refused := refusal(data.size, "rms pixel bias", shares(reference, means_of(data), relative)):
+    if refused := refusal(data.size, "rms pixel bias", shares(data, means_of(data), relative)):
         yield refused
         return
     truth, variance = reference.luminance, reference.luminance_variance

@@ -81,9 +81,12 @@ def _band(
 ) -> Iterator[Row | Refused]:
     name = f"power {band[0]:g}-{band[1]:g}"
     powers = {variant: spectrum.band_power(own, [band])[:, 0] for variant, own in spectra.items()}
-    noise = float(spectrum.band_power(reference_noise(reference_of(data), "hann"), [band])[0])
-    shares = {variant: noise / (float(own.mean()) + noise) for variant, own in powers.items()}
-    if refused := refusal(data.size, name, shares if noise > 0.0 else {}):
+    known = reference_noise(reference_of(data), CLIP, "hann")
+    noise = float(spectrum.band_power(known, [band])[0])
+    shares = {
+        variant: noise / max(float(own.mean()) + noise, 1e-30) for variant, own in powers.items()
+    }
+    if refused := refusal(data.size, name, shares):
         yield refused
         return
     yield from rows_of_runs(data, name, "", powers)
@@ -98,7 +101,8 @@ def low_frequencies(data: Measured) -> Iterator[Row | Refused]:
     spectra = chain_spectra(data, reference_of(data))
     found = list(_band(data, spectra, _LOW))
     yield from found
-    if any(isinstance(row, Refused) for row in found):
+    silent = not all(own.any(axis=(1, 2)).all() for own in spectra.values())
+    if silent or any(isinstance(row, Refused) for row in found):
         return
     shares = {
         name: np.array([spectrum.low_frequency_share(power, limit=_LOW[1]) for power in own])

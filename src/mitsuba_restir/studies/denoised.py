@@ -26,7 +26,11 @@ def denoised(data: Measured) -> Iterator[Row | Refused]:
             lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
             noise.absolute,
         ),
-        ("relMSE", lambda data, image, _: relmse(data, image, 0.0), noise.relmse),
+        (
+            "relMSE",
+            lambda data, image, _: relmse(data, image, 0.0),
+            noise.relmse,
+        ),
         (
             "HDR-FLIP",
             lambda _, image, r: metrics.hdr_flip(image, r.image).mean,

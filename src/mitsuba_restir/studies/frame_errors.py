@@ -39,11 +39,14 @@ def relative_errors(frames: ArrayLike, reference: ReferenceImage, clip: float | 
     return errors if clip is None else np.clip(errors, -clip, clip)
 
 
-def reference_noise(reference: ReferenceImage, window: spectrum.Window = "none") -> FloatArray:
+def reference_noise(
+    reference: ReferenceImage, clip: float | None, window: spectrum.Window = "none"
+) -> FloatArray:
     """
     Return the expected power of the reference's own noise in a power spectrum of relative errors.
 
-    White where pixels are independent. Smoothing by a Gaussian of s pixels multiplies it by
+    Of a pixel whose errors are clipped at `clip` it is not more than that. White where pixels are
+    independent. Smoothing by a Gaussian of s pixels multiplies it by
     exp(-(2 pi s f)²), whose mean over all frequencies is what the variance fell by.
 
     Returns
@@ -52,6 +55,8 @@ def reference_noise(reference: ReferenceImage, window: spectrum.Window = "none")
         In the order of `np.fft.fft2`.
     """
     variance = reference.luminance_variance / reference.scale**2
+    if clip is not None:
+        variance = np.minimum(variance, clip**2)
     level = spectrum.white_power(variance, window=window)
     f = spectrum.frequencies(variance.shape)
     shape = np.exp(-((2.0 * np.pi * reference.smooth * f) ** 2))
@@ -61,7 +66,7 @@ def reference_noise(reference: ReferenceImage, window: spectrum.Window = "none")
 def mean_square(frames: Image, reference: ReferenceImage, clip: float | None) -> float:
     """Mean squared relative error without the reference's own noise."""
     errors = relative_errors(frames, reference, clip)
-    return float(np.mean(errors**2) - np.mean(reference_noise(reference)))
+    return float(np.mean(errors**2) - np.mean(reference_noise(reference, clip)))
 
 
 def filtered_mse(frames: Image, reference: ReferenceImage) -> float:
@@ -72,14 +77,14 @@ def filtered_mse(frames: Image, reference: ReferenceImage) -> float:
 
 def filtered_noise(reference: ReferenceImage) -> float:
     """Mean square of the reference's own noise, seen through the same Gaussian."""
-    noise = reference_noise(reference)
+    noise = reference_noise(reference, CLIP)
     f = spectrum.frequencies(noise.shape)
     return float(np.mean(noise * np.exp(-((2.0 * np.pi * SIGMA * f) ** 2))))
 
 
 def chain_spectra(data: Measured, reference: ReferenceImage) -> dict[str, FloatArray]:
     """Power spectrum of every run's clipped relative errors, (K, H, W), by variant."""
-    noise = reference_noise(reference, "hann")
+    noise = reference_noise(reference, CLIP, "hann")
     return {
         name: np.stack(
             [

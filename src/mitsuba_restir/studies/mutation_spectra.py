@@ -18,6 +18,8 @@ from ..sampling.georgiev import image_energy
 from .frame_errors import CLIP, reference_noise
 from .results import ReferenceImage
 
+SHARE = "largest share of the reference's noise in a power"
+
 CHANNELS = "mutation"
 """Type of the auxiliary image that is measured."""
 
@@ -38,7 +40,8 @@ def numbers(tensor: npt.ArrayLike, reference: ReferenceImage) -> dict[str, float
         Of the luminance before spatial reuse, of the mixed one and of the frame: power of the
         relative error by band, without the reference's own noise; mean against the reference
         (relative errors clipped); mean Georgiev-Fajardo energy of a pixel. And the largest relative
-        change of the luminance of a pixel by its mutations.
+        change of the luminance of a pixel by its mutations, and what share of a power was the
+        reference's noise at most.
     """
     frame = np.asarray(tensor, dtype=np.float64)
     before, after, mixed = np.moveaxis(frame[..., 3:6], -1, 0)
@@ -47,11 +50,15 @@ def numbers(tensor: npt.ArrayLike, reference: ReferenceImage) -> dict[str, float
         "mixed": mixed,
         "shown": luminance(frame[..., :3]),
     }
-    found: dict[str, float] = {}
+    noise = reference_noise(reference, CLIP, "hann")
+    known = _bands(noise)
+    found: dict[str, float] = {SHARE: 0.0}
     for name, image in images.items():
         error = np.clip((image - reference.luminance) / reference.scale, -CLIP, CLIP)
-        power = spectrum.power_spectrum(error) - reference_noise(reference, "hann")
-        found |= {f"{key}, {name}": value for key, value in _bands(power).items()}
+        powers = _bands(spectrum.power_spectrum(error))
+        found |= {f"{key}, {name}": value - known[key] for key, value in powers.items()}
+        shares = (known[key] / max(value, 1e-30) for key, value in powers.items())
+        found[SHARE] = max(found[SHARE], *shares)
         found[f"mean of the clipped error, {name}"] = float(error.mean())
         found[f"energy, {name}"] = _energy(image, float(before.mean()))
     lit = before > 0.0

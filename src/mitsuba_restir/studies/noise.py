@@ -9,83 +9,81 @@ import numpy as np
 from scipy import ndimage
 
 from ..analysis import metrics
-from ..analysis.images import FloatArray
 from .frame_errors import CLIP, SIGMA, filtered_noise, reference_noise, relative_errors
-from .results import Image, ReferenceImage, Refused
+from .results import Image, Measured, ReferenceImage, Refused
 
-Parts = Callable[[Image, ReferenceImage], tuple[float, float]]
+Parts = Callable[[Measured, Image, ReferenceImage], tuple[float, float]]
 """Mean square that is measured of an image, and how much of it is the reference's own noise."""
 
 LIMIT = 0.5
 """Largest share of what is measured that may be the reference's own noise."""
 
-# Share of the pixels that studies leave out by default, as the epsilon below is theirs.
-_TRIM = 0.001
 
-
-def absolute(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def absolute(_: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of the squared error."""
     return float(np.mean((image - reference.image) ** 2)), float(np.mean(reference.variance))
 
 
-def displayed(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def displayed(_: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of the squared error as a screen shows it."""
     error = metrics.displayed(image) - metrics.displayed(reference.image)
     noise = metrics.displayed_variance(reference.image, reference.variance)
     return float(np.mean(error**2)), float(np.mean(noise))
 
 
-def relmse(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def relmse(data: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of relMSE."""
-    errors, noise = _weighted(image, reference)
-    return float(errors.mean()), float(noise.mean())
+    return _relmse(image, reference, data.epsilon, 0.0)
 
 
-def trimmed(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def trimmed(data: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of relMSE without the worst pixels."""
-    errors, noise = (values.ravel() for values in _weighted(image, reference))
-    kept = np.argsort(errors)[: errors.size - int(_TRIM * errors.size)]
-    return float(errors[kept].mean()), float(noise[kept].mean())
+    return _relmse(image, reference, data.epsilon, data.trim)
 
 
-def _weighted(image: Image, reference: ReferenceImage) -> tuple[FloatArray, FloatArray]:
-    """Squared errors over squared values, and the reference's part, (H, W), mean over channels."""
+def _relmse(
+    image: Image, reference: ReferenceImage, epsilon: float, trim: float
+) -> tuple[float, float]:
     # Where the reference is too dark by its noise, its own square would make the error seem
     # larger, and the noise a smaller part of it than it is.
     smooth = ndimage.gaussian_filter(reference.image, (SIGMA, SIGMA, 0.0))
-    weight = 1.0 / (np.maximum(reference.image, smooth) ** 2 + metrics.DEFAULT_EPSILON)
-    errors = (image - reference.image) ** 2 * weight
-    return errors.mean(axis=2), (reference.variance * weight).mean(axis=2)
+    weight = 1.0 / (np.maximum(reference.image, smooth) ** 2 + epsilon)
+    errors = ((image - reference.image) ** 2 * weight).mean(axis=2).ravel()
+    noise = (reference.variance * weight).mean(axis=2).ravel()
+    kept = np.argsort(errors)[: errors.size - int(trim * errors.size)]
+    return float(errors[kept].mean()), float(noise[kept].mean())
 
 
-def relative(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def relative(_: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of the squared relative error of luminance."""
-    error = relative_errors(image[None], reference, None)
-    return float(np.mean(error**2)), float(np.mean(reference_noise(reference)))
+    return _relative(image, reference, None)
 
 
-def clipped(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def clipped(_: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of the squared relative error of luminance, clipped: that of all but the fireflies."""
-    error = relative_errors(image[None], reference, CLIP)
-    return float(np.mean(error**2)), float(np.mean(reference_noise(reference)))
+    return _relative(image, reference, CLIP)
 
 
-def filtered(image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def _relative(image: Image, reference: ReferenceImage, clip: float | None) -> tuple[float, float]:
+    error = relative_errors(image[None], reference, clip)
+    return float(np.mean(error**2)), float(np.mean(reference_noise(reference, clip)))
+
+
+def filtered(_: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
     """Of the clipped relative error, seen through a Gaussian."""
     error = relative_errors(image[None], reference, CLIP)[0]
     seen = ndimage.gaussian_filter(error, SIGMA)
     return float(np.mean(seen**2)), filtered_noise(reference)
 
 
-def shares(
-    reference: ReferenceImage | None, images: Mapping[str, Iterable[Image]], parts: Parts
-) -> dict[str, float]:
+def shares(data: Measured, images: Mapping[str, Iterable[Image]], parts: Parts) -> dict[str, float]:
     """Return what share of a measure of every variant's images is the reference's own noise."""
+    reference = data.reference
     if reference is None or not reference.variance.any():
         return {}
     found = {}
     for name, own in images.items():
-        pairs = [parts(image, reference) for image in own]
+        pairs = [parts(data, image, reference) for image in own]
         if pairs:
             measured, noise = np.mean(pairs, axis=0)
             found[name] = float(noise) / max(float(measured), 1e-30)

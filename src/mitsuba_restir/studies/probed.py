@@ -8,7 +8,9 @@ import numpy as np
 
 from ..analysis import intervals
 from ..analysis.images import FloatArray
-from .results import Measured, Row
+from .mutation_spectra import SHARE
+from .noise import refusal
+from .results import Measured, Refused, Row
 from .scalars import lone, make_row
 
 
@@ -49,6 +51,19 @@ def of_probe(
                 yield make_row(data, variant, name, unit, value, ratio, len(values), p_value)
 
     return rows
+
+
+def mutation_spectra(data: Measured) -> Iterator[Row | Refused]:
+    """Everything that this probe says, where the reference is sure enough for its powers."""
+    probe = "mutation_spectra"
+    shares = {
+        variant: max((answer.get(SHARE, 0.0) for answer in data.probed(variant, probe)), default=0)
+        for variant in data.variants
+    }
+    if refused := refusal(data.size, "spectra of mutations", shares):
+        yield refused
+        return
+    yield from of_probe(probe, compared=True)(data)
 
 
 def _of_baseline(

@@ -18,7 +18,7 @@ from .correlations import (
 )
 from .denoised import denoised
 from .frame_errors import filtered_mse, last_frame_of
-from .probed import memory_slopes, of_probe
+from .probed import memory_slopes, mutation_spectra, of_probe
 from .results import Measured, Refused, Row
 from .scalars import equal_time, frame_time, of_frames, of_mean, relative_rmse, relmse, speed
 
@@ -79,12 +79,18 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "rmse_relative": Quantity(relative_rmse, needs_reference=True),
     "relmse": Quantity(
-        of_frames("relMSE", lambda data, image, _: relmse(data, image, 0.0), noise.relmse),
+        of_frames(
+            "relMSE",
+            lambda data, image, _: relmse(data, image, 0.0),
+            noise.relmse,
+        ),
         needs_reference=True,
     ),
     "relmse_trimmed": Quantity(
         of_frames(
-            "relMSE, trimmed", lambda data, image, _: relmse(data, image, data.trim), noise.trimmed
+            "relMSE, trimmed",
+            lambda data, image, _: relmse(data, image, data.trim),
+            noise.trimmed,
         ),
         needs_reference=True,
     ),
@@ -138,9 +144,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "duplication": Quantity(
         of_probe("statistics", compared=True, only="duplicated paths"), probe="statistics"
     ),
-    "mutation_spectra": Quantity(
-        of_probe("mutation_spectra", compared=True), needs_reference=True, probe="mutation_spectra"
-    ),
+    "mutation_spectra": Quantity(mutation_spectra, needs_reference=True, probe="mutation_spectra"),
     "rays": Quantity(of_probe("rays"), probe="rays"),
     "memory": Quantity(
         of_probe("memory", {"peak": "B", "": "B/pixel"}), probe="memory", across=memory_slopes

@@ -179,7 +179,7 @@ def of_frames(
     def rows(data: Measured) -> Iterator[Row | Refused]:
         reference = reference_of(data)
         last = {variant: [run.last for run in runs] for variant, runs in data.runs.items()}
-        if refused := refusal(data.size, name, shares(reference, last, parts)):
+        if refused := refusal(data.size, name, shares(data, last, parts)):
             yield refused
             return
 
@@ -198,7 +198,7 @@ def of_mean(
 
     def rows(data: Measured) -> Iterator[Row | Refused]:
         reference = reference_of(data)
-        if refused := refusal(data.size, name, shares(reference, means_of(data), parts)):
+        if refused := refusal(data.size, name, shares(data, means_of(data), parts)):
             yield refused
             return
         yield from per_run(data, name, "", lambda run: measure(data, run.mean, reference))
@@ -242,12 +242,12 @@ def equal_time(data: Measured) -> Iterator[Row | Refused]:
     Above 1, a variant is better than the baseline given the same time. Three readings, always
     together: the last frame at its own time, the last frame charged with all frames, and the
     average of all frames. For the baseline itself only the last says anything: 1, but for noise and
-    the time of averaging, or for what trimming does. Error and time are those of each run.
+    the time of averaging, or for what trimming does. Error and time are those of each run;
+    there is an interval where the variant took turns with the baseline.
     """
-    reference = reference_of(data)
     for label, trim, parts in (("", 0.0, noise.relmse), (", trimmed", data.trim, noise.trimmed)):
         title = f"equal time{label}"
-        if refused := refusal(data.size, title, shares(reference, means_of(data), parts)):
+        if refused := refusal(data.size, title, shares(data, means_of(data), parts)):
             yield refused
             continue
         base = np.array(
@@ -256,6 +256,7 @@ def equal_time(data: Measured) -> Iterator[Row | Refused]:
                 for run in data.runs[data.baseline]
             ]
         )
+        sessions = [run.session for run in data.runs[data.baseline]]
         for name, runs in data.runs.items():
             if not runs[0].times.size:
                 continue
@@ -273,7 +274,8 @@ def equal_time(data: Measured) -> Iterator[Row | Refused]:
                 ]
             for reading, cost in readings:
                 value, p_value = lone(float(base.mean() / cost.mean())), None
-                if len(base) == len(cost) > 1:
+                # Times of frames that did not take turns with the baseline's are no pairs.
+                if sessions == [run.session for run in runs] and len(runs) > 1:
                     value = _ratio(base, cost) or value
                     p_value = intervals.paired_difference(base, cost).p_value
                 quantity = f"equal time: {reading}{label}"

@@ -8,11 +8,12 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from .. import __version__
+from .. import __version__, llvm
 from .results import Run
 
-# All that an image depends on but for the scene and the study.
+# What the images come from: folders of this package, and modules of the studies.
 _SOURCES = ("integrators", "passes", "paths", "resampling", "sampling", "shifts")
+_MODULES = ("studies/motion.py", "studies/rendering.py", "studies/runs.py")
 
 
 @cache
@@ -20,11 +21,15 @@ def software() -> str:
     """Return the versions, and of this package a digest of the source that renders as well."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256()
-    for file in sorted(file for folder in _SOURCES for file in (package / folder).rglob("*.py")):
+    files = [file for folder in _SOURCES for file in (package / folder).rglob("*.py")]
+    for file in sorted([*files, *(package / module for module in _MODULES)]):
         digest.update(file.relative_to(package).as_posix().encode())
         digest.update(file.read_bytes())
     others = [f"{name} {metadata.version(name)}" for name in ("mitsuba", "drjit")]
-    return ", ".join([f"mitsuba-restir {__version__} ({digest.hexdigest()[:8]})", *others])
+    library = llvm.find().path
+    compiler = "LLVM found by Dr.Jit" if library is None else library.name
+    own = f"mitsuba-restir {__version__} ({digest.hexdigest()[:8]})"
+    return ", ".join([own, *others, compiler])
 
 
 def notes_on_software(size: str, runs: Iterable[Run]) -> list[str]:

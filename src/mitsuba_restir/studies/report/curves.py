@@ -89,7 +89,7 @@ def convergence(data: Measured) -> dict[str, Curve] | Refused:
         for name, runs in data.runs.items()
     }
     means = {name: [run.mean for run in runs] for name, runs in kept.items()}
-    refused = refusal(data.size, "the convergence", shares(data.reference, means, trimmed))
+    refused = refusal(data.size, "the convergence", shares(data, means, trimmed))
     return refused or {name: _curve(data, runs) for name, runs in kept.items() if runs}
 
 

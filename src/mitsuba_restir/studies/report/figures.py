@@ -20,6 +20,9 @@ _WIDTH = 7.0
 # Largest ratio of two values whose bars can be told apart.
 _BARS_TO = 20.0
 
+# Ratio of the ends of an axis from which on only decades have labels.
+_LABELLED_FINELY = 2e3
+
 Colours = Mapping[str, str]
 
 
@@ -44,10 +47,12 @@ def _legend(axes: Any) -> None:
 
 
 def _logarithmic(axis: Any) -> None:
-    """Label 1, 2 and 5 of every decade, plainly."""
+    """Label 1, 2 and 5 of every decade, or every decade where there are many, plainly."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axis.get_view_interval()
+    few = high < _LABELLED_FINELY * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 

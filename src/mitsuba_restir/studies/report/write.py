@@ -185,7 +185,7 @@ def _about_errors(data: Measured, quantities: set[str]) -> str:
             f"All of it stays in “{name}”: of a perfect image it would be about "
             f"{measure(_with_its_noise(reference), reference.image):.2g}."
             for name, measure in _WITH_ALL.items()
-            if name in quantities
+            if any(quantity.startswith(name) for quantity in quantities)
         ]
     if any("clipped" in name for name in quantities):
         sentences.append(
