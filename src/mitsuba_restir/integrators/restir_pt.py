@@ -11,7 +11,6 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..passes.decorrelate import Mutated
 from ..passes.neighbors import SAMPLING
 from ..passes.primary import primary
 from ..passes.shade import AOV_CHANNELS
@@ -20,11 +19,11 @@ from ..paths.settings import PathLimits
 from ..sampling.dither import Dither, mask_texture
 from ..sampling.masks import load_mask
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
-from ..shifts.mapping import OUTCOMES, shift_mapping
-from ..shifts.pivot import CLASSES
+from ..shifts.mapping import shift_mapping
 from .border import check_scene, check_sensor, check_variant
 from .frame import Frame, History, Plan, Stage, no_history, sample_paths, share_paths
 from .parameters import SELECTION, read_parameters
+from .statistics import mutation_shares, outcome_shares
 
 NEAR_FRACTION = 0.03
 """Distance threshold of ``distance_roughness`` as a fraction of the scene's radius."""
@@ -291,12 +290,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
         temporal, *rounds = self._frame.outcomes
-        shares = {"temporal": _outcome_shares(temporal, 2)} if temporal else {}
+        shares = {"temporal": outcome_shares(temporal, 2)} if temporal else {}
         for index, packed in enumerate(rounds):
-            shares[f"spatial_{index}"] = _outcome_shares(packed, 1)
+            shares[f"spatial_{index}"] = outcome_shares(packed, 1)
         statistics = {"matched": float(dr.mean(mi.Float(self._frame.matched))[0]), **shares}
         if self._frame.mutated is not None:
-            statistics["mutations"] = _mutation_shares(
+            statistics["mutations"] = mutation_shares(
                 self._frame.mutated, self.parameters.mutations
             )
         if self.parameters.biased:
@@ -388,40 +387,6 @@ def _criterion(name: str, scene: mi.Scene) -> Criterion:
     if name == "footprint":
         return Footprint()
     return DistanceRoughness(NEAR_FRACTION * float(dr.norm(scene.bbox().extents())) / 2)
-
-
-def _outcome_shares(packed: list[Any], shifts: int) -> dict[str, float]:
-    """Share of each outcome among ``shifts`` shifts per lane and array, packed 3 bits each."""
-    counts = [
-        sum(
-            int(dr.count((words >> (3 * i)) & 7 == code)[0])
-            for words in packed
-            for i in range(shifts)
-        )
-        for code in range(len(OUTCOMES))
-    ]
-    tried = max(sum(counts) - counts[1], 1)
-    return {name: n / tried for name, n in zip(OUTCOMES, counts, strict=True) if name != "empty"}
-
-
-def _mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, float]]:
-    """Share, acceptance rate, share of steps upwards and mean step of every class of path."""
-    kind, accepted = mutated.kind.numpy(), mutated.accepted.numpy()
-    raised, lowered = mutated.raised.numpy(), mutated.lowered.numpy()
-    angle = mutated.angle.numpy()
-    pixels = max(int((kind < len(CLASSES)).sum()), 1)
-    shares = {}
-    for index, name in enumerate(CLASSES):
-        inside = kind == index
-        steps = max(int(accepted[inside].sum()), 1)
-        shares[name] = {
-            "share": float(inside.sum() / pixels),
-            "acceptance": float(accepted[inside].mean() / mutations) if inside.any() else 0.0,
-            "raised": float(raised[inside].sum() / steps),
-            "lowered": float(lowered[inside].sum() / steps),
-            "angle": float(angle[inside].sum() / steps),
-        }
-    return shares
 
 
 mi.register_integrator("restir_pt", ReSTIRPTIntegrator)

@@ -1,0 +1,45 @@
+"""What a frame's reuse did: shares of shifts by outcome, and of mutations by class of path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+
+from ..passes.decorrelate import Mutated
+from ..shifts.mapping import OUTCOMES
+from ..shifts.pivot import CLASSES
+
+
+def outcome_shares(packed: list[Any], shifts: int) -> dict[str, float]:
+    """Share of each outcome among ``shifts`` shifts per lane and array, packed 3 bits each."""
+    counts = [
+        sum(
+            int(dr.count((words >> (3 * i)) & 7 == code)[0])
+            for words in packed
+            for i in range(shifts)
+        )
+        for code in range(len(OUTCOMES))
+    ]
+    tried = max(sum(counts) - counts[1], 1)
+    return {name: n / tried for name, n in zip(OUTCOMES, counts, strict=True) if name != "empty"}
+
+
+def mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, float]]:
+    """Share, acceptance rate, share of steps upwards and mean step of every class of path."""
+    kind, accepted = mutated.kind.numpy(), mutated.accepted.numpy()
+    raised, lowered = mutated.raised.numpy(), mutated.lowered.numpy()
+    angle = mutated.angle.numpy()
+    pixels = max(int((kind < len(CLASSES)).sum()), 1)
+    shares = {}
+    for index, name in enumerate(CLASSES):
+        inside = kind == index
+        steps = max(int(accepted[inside].sum()), 1)
+        shares[name] = {
+            "share": float(inside.sum() / pixels),
+            "acceptance": float(accepted[inside].mean() / mutations) if inside.any() else 0.0,
+            "raised": float(raised[inside].sum() / steps),
+            "lowered": float(lowered[inside].sum() / steps),
+            "angle": float(angle[inside].sum() / steps),
+        }
+    return shares
