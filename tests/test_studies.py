@@ -453,11 +453,13 @@ def test_a_probe_with_another_reference_is_asked_again(
     for probe in ("mutation_spectra", "rays"):
         own.save_probe((24, 16), "plain", probe, 0, {"number": 1.0})
         assert own.load_probe((24, 16), "plain", probe, 0) == {"number": 1.0}
+    own.claim()
     assert study.reference is not None
-    own.study = replace(study, reference=replace(study.reference, spp=128))
-    assert own.load_probe((24, 16), "plain", "mutation_spectra", 0) is None
-    assert own.load_probe((24, 16), "plain", "rays", 0) == {"number": 1.0}
-    assert "another reference" in own.refused[0]
+    surer = replace(study, reference=replace(study.reference, spp=128))
+    other = StudyFolder(tmp_path / "out", surer)
+    assert other.load_probe((24, 16), "plain", "mutation_spectra", 0) is None
+    assert other.load_probe((24, 16), "plain", "rays", 0) == {"number": 1.0}
+    assert "another reference" in other.refused[0]
 
 
 def test_a_reference_is_rendered_to_a_stated_noise(

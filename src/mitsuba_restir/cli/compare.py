@@ -23,6 +23,7 @@ from .. import imageio
 from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
+from ..studies.batches import LEAST_BATCHES, BatchMean
 from ..studies.noise import excess, shares, trimmed
 from ..studies.results import Measured, ReferenceImage
 from . import compare_report, loading, output
@@ -39,8 +40,6 @@ SHARED_PARAMETERS = ("max_depth", "rr_depth", "hide_emitters")
 DEFAULT_SIZE = (256, 144)
 DEFAULT_SCENE = "ajar"
 REFERENCE_BATCH = 32
-LEAST_BATCHES = 8
-"""Of a reference: from fewer, its variance cannot be told."""
 
 _ReuseOff = dict[str, Value]
 VARIANTS: tuple[tuple[str, str, _ReuseOff], ...] = (
@@ -86,19 +85,15 @@ class Run:
         self.last = image
         self.total = image + (np.zeros(image.shape) if self.total is None else self.total)
 
-    def mean(self) -> Image:
-        """Return the mean of the frames."""
-        assert self.total is not None
-        return np.asarray(self.total / len(self.seconds), dtype=np.float32)
-
     def row(self, reference: ReferenceImage) -> compare_report.Row:
         """Summarise: medians of time over the frames after compilation, errors at the end."""
         assert self.last is not None
+        assert self.total is not None
         frames = len(self.seconds)
         # The first two frames compile: the second is the first that has a history.
         warm = self.seconds[2:] or self.seconds[-1:]
         tail = self.errors[-max(1, frames // 4) :]
-        mean = self.mean()
+        mean = (self.total / frames).astype(np.float32)
         errors = compare_report.Errors(
             statistics.fmean(entry.relmse for entry in tail),
             statistics.fmean(entry.trimmed for entry in tail),
@@ -202,7 +197,7 @@ def run(options: argparse.Namespace) -> int:
     title = f"{options.scene}, {size[0]}x{size[1]}, depth {depths['max_depth']}"
     compare_report.write(folder, title, rows, reference.image.astype(np.float32))
     console.print(compare_report.table(title, source, rows))
-    means = {entry.label: [entry.mean()] for entry in runs}
+    means = {row.label: [row.mean] for row in rows}
     settings = metrics.DEFAULT_EPSILON, metrics.DEFAULT_TRIM
     measured = Measured(f"{size[0]}x{size[1]}", {}, runs[0].label, {}, reference, *settings)
     if text := excess(shares(measured, means, trimmed)):
@@ -242,25 +237,17 @@ def _render_all(
 def _render_reference(
     scene: Any, sensor: Any, depths: Mapping[str, Value], spp: int, seed: int
 ) -> ReferenceImage:
-    """
-    Render with `path` in batches, without Russian roulette, from seeds of its own.
-
-    The variance of a sample is that of the means of n samples about the mean of all, times n.
-    """
+    """Render with `path` in batches, without Russian roulette, from seeds of its own."""
     endless = {"rr_depth": 2**31 - 1}
     integrator = loading.make_integrator("path", {**depths, **endless})
-    size = min(REFERENCE_BATCH, spp // LEAST_BATCHES)
-    batches = [size] * (spp // size)
-    batches += [spp % size] if spp % size else []
-    total: Any = 0.0
-    squares: Any = 0.0
+    most = min(REFERENCE_BATCH, spp // LEAST_BATCHES)
+    batches = [most] * (spp // most)
+    batches += [spp % most] if spp % most else []
+    mean = BatchMean(sensor.film().crop_size())
     for index, batch in enumerate(_track(batches, "reference")):
         image = _render(scene, sensor, integrator, _path_seed(seed + 2**31 + index), batch)
-        part = image.astype(np.float64)
-        total, squares = total + batch * part, squares + batch * part**2
-    mean = total / spp
-    spread = np.maximum(squares - spp * mean**2, 0.0) / (len(batches) - 1)
-    return ReferenceImage(mean, spread / spp, samples=spp)
+        mean.add(image, batch)
+    return mean.image()
 
 
 def _embedded_reference(

@@ -72,16 +72,21 @@ def bands(data: Measured) -> Iterator[Row | Refused]:
         for low, high in (*spectrum.TABLE_BANDS, *spectrum.FINE_BANDS)
         if np.any((f >= low) & (f < high))
     ]
+    known = _known_noise(data)
     for band in resolved:
-        yield from _band(data, spectra, band)
+        yield from _band(data, spectra, known, band)
+
+
+def _known_noise(data: Measured) -> FloatArray:
+    """Power of the reference's own noise, which the spectra are without, (H, W)."""
+    return reference_noise(reference_of(data), CLIP, "hann")
 
 
 def _band(
-    data: Measured, spectra: Mapping[str, FloatArray], band: spectrum.Band
+    data: Measured, spectra: Mapping[str, FloatArray], known: FloatArray, band: spectrum.Band
 ) -> Iterator[Row | Refused]:
     name = f"power {band[0]:g}-{band[1]:g}"
     powers = {variant: spectrum.band_power(own, [band])[:, 0] for variant, own in spectra.items()}
-    known = reference_noise(reference_of(data), CLIP, "hann")
     noise = float(spectrum.band_power(known, [band])[0])
     shares = {
         variant: noise / max(float(own.mean()) + noise, 1e-30) for variant, own in powers.items()
@@ -99,7 +104,7 @@ def low_frequencies(data: Measured) -> Iterator[Row | Refused]:
     The curves that these sum up are in `spectra.csv`, which a report writes.
     """
     spectra = chain_spectra(data, reference_of(data))
-    found = list(_band(data, spectra, _LOW))
+    found = list(_band(data, spectra, _known_noise(data), _LOW))
     yield from found
     silent = not all(own.any(axis=(1, 2)).all() for own in spectra.values())
     if silent or any(isinstance(row, Refused) for row in found):

@@ -8,12 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from ..analysis import metrics
 from ..analysis.denoise import denoise
 from . import noise
 from .frame_errors import last_frame_of
 from .results import Image, Measured, Refused, Row, Run
-from .scalars import Measure, of_frames, relmse
+from .scalars import Measure, hdr_flip, of_frames, rmse, whole_relmse
 
 
 def denoised(data: Measured) -> Iterator[Row | Refused]:
@@ -21,21 +20,9 @@ def denoised(data: Measured) -> Iterator[Row | Refused]:
     runs = {name: [_denoised(data, run) for run in runs] for name, runs in data.runs.items()}
     clean = replace(data, runs=runs)
     measures: Sequence[tuple[str, Measure, noise.Parts]] = (
-        (
-            "RMSE",
-            lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
-            noise.absolute,
-        ),
-        (
-            "relMSE",
-            lambda data, image, _: relmse(data, image, 0.0),
-            noise.relmse,
-        ),
-        (
-            "HDR-FLIP",
-            lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
-            noise.clipped,
-        ),
+        ("RMSE", rmse, noise.absolute),
+        ("relMSE", whole_relmse, noise.relmse),
+        ("HDR-FLIP", hdr_flip, noise.clipped),
     )
     for name, measure, parts in measures:
         yield from of_frames(f"{name} after OIDN", measure, parts)(clean)

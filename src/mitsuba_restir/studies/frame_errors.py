@@ -33,7 +33,7 @@ def last_frame_of(data: Measured, run: Run) -> Image:
 
 
 def relative_errors(frames: ArrayLike, reference: ReferenceImage, clip: float | None) -> FloatArray:
-    """Relative errors of the luminance of frames (F, H, W, 3): (F, H, W)."""
+    """Relative errors of luminance, (F, H, W), of frames (F, H, W, 3) or of luminance itself."""
     images = [luminance(image) for image in np.asarray(frames)]
     errors = (np.stack(images) - reference.luminance) / reference.scale
     return errors if clip is None else np.clip(errors, -clip, clip)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from ..analysis import spectrum
 from ..analysis.images import FloatArray, luminance
 from ..sampling.georgiev import image_energy
-from .frame_errors import CLIP, reference_noise
+from .frame_errors import CLIP, reference_noise, relative_errors
 from .results import ReferenceImage
 
 SHARE = "largest share of the reference's noise in a power"
@@ -50,11 +50,10 @@ def numbers(tensor: npt.ArrayLike, reference: ReferenceImage) -> dict[str, float
         "mixed": mixed,
         "shown": luminance(frame[..., :3]),
     }
-    noise = reference_noise(reference, CLIP, "hann")
-    known = _bands(noise)
+    known = _bands(reference_noise(reference, CLIP, "hann"))
     found: dict[str, float] = {SHARE: 0.0}
     for name, image in images.items():
-        error = np.clip((image - reference.luminance) / reference.scale, -CLIP, CLIP)
+        (error,) = relative_errors(image[None], reference, CLIP)
         powers = _bands(spectrum.power_spectrum(error))
         found |= {f"{key}, {name}": value - known[key] for key, value in powers.items()}
         shares = (known[key] / max(value, 1e-30) for key, value in powers.items())

@@ -20,7 +20,18 @@ from .denoised import denoised
 from .frame_errors import filtered_mse, last_frame_of
 from .probed import memory_slopes, mutation_spectra, of_probe
 from .results import Measured, Refused, Row
-from .scalars import equal_time, frame_time, of_frames, of_mean, relative_rmse, relmse, speed
+from .scalars import (
+    equal_time,
+    frame_time,
+    hdr_flip,
+    of_frames,
+    of_mean,
+    relative_rmse,
+    relmse,
+    rmse,
+    speed,
+    whole_relmse,
+)
 
 
 @dataclass(frozen=True)
@@ -58,11 +69,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "time": Quantity(frame_time),
     "speed": Quantity(speed),
     "rmse": Quantity(
-        of_frames(
-            "RMSE",
-            lambda _, image, r: metrics.rmse(image, r.image, reference_variance=r.variance),
-            noise.absolute,
-        ),
+        of_frames("RMSE", rmse, noise.absolute),
         needs_reference=True,
     ),
     "rmse_displayed": Quantity(
@@ -79,11 +86,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "rmse_relative": Quantity(relative_rmse, needs_reference=True),
     "relmse": Quantity(
-        of_frames(
-            "relMSE",
-            lambda data, image, _: relmse(data, image, 0.0),
-            noise.relmse,
-        ),
+        of_frames("relMSE", whole_relmse, noise.relmse),
         needs_reference=True,
     ),
     "relmse_trimmed": Quantity(
@@ -95,11 +98,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         needs_reference=True,
     ),
     "relmse_average": Quantity(
-        of_mean(
-            "relMSE of the average",
-            lambda data, image, _: relmse(data, image, 0.0),
-            noise.relmse,
-        ),
+        of_mean("relMSE of the average", whole_relmse, noise.relmse),
         needs_reference=True,
     ),
     "smape": Quantity(
@@ -107,12 +106,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         needs_reference=True,
     ),
     "flip": Quantity(
-        of_frames(
-            "HDR-FLIP",
-            lambda _, image, r: metrics.hdr_flip(image, r.image).mean,
-            noise.clipped,
-            frames=last_frame_of,
-        ),
+        of_frames("HDR-FLIP", hdr_flip, noise.clipped, frames=last_frame_of),
         needs_reference=True,
     ),
     "mean_ratio": Quantity(mean_ratios, needs_reference=True),

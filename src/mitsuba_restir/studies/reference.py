@@ -12,13 +12,11 @@ from scipy import ndimage
 
 from ..errors import UsageError
 from ..imageio import read_rgb
+from .batches import LEAST_BATCHES, BatchMean
 from .config import REFERENCE, Reference, Size, Study, Variant
 from .rendering import expand, make_renderer, seed_of
-from .results import Image, ReferenceImage
+from .results import ReferenceImage
 from .store import StudyFolder
-
-# From fewer, a variance cannot be told.
-_LEAST_BATCHES = 8
 
 # First entries of the seed keys: references share no random numbers with runs.
 RUN_KEY, REFERENCE_KEY, REHEARSAL_KEY = 0, 1, 2
@@ -87,58 +85,26 @@ def missing_batches(folder: StudyFolder, size: Size) -> list[int]:
     return [b for b in range(reference.batches) if folder.load_batch(size, b) is None]
 
 
-class _Mean:
+def _is_enough(mean: BatchMean, asked: Reference) -> bool:
     """
-    Mean of the first batches until they are enough, and its variance.
+    Say whether no more batches are wanted.
 
     They are enough when they are all, or when the mean of at least 8 is as sure as the study asks:
     the same ones however many more another study has rendered.
-
-    Parameters
-    ----------
-    reference : Reference
-    size : (int, int)
-
-    Fields
-    ------
-    count : int
-        Batches taken so far.
     """
-
-    def __init__(self, reference: Reference, size: Size) -> None:
-        self._reference = reference
-        self.count = 0
-        self._sum, self._squares = np.zeros((2, size[1], size[0], 3))
-
-    def add(self, batch: Image) -> None:
-        """Take the next batch."""
-        self.count += 1
-        self._sum += batch
-        self._squares += batch.astype(np.float64) ** 2
-
-    def image(self) -> ReferenceImage:
-        """Return the mean and its variance."""
-        mean = self._sum / self.count
-        spread = np.maximum(self._squares / self.count - mean**2, 0.0)
-        samples = self.count * (self._reference.spp // self._reference.batches)
-        return ReferenceImage(mean, spread / max(self.count - 1, 1), samples=samples)
-
-    def is_enough(self) -> bool:
-        """Say whether no more batches are wanted."""
-        if self.count == self._reference.batches:
-            return True
-        goal = self._reference.noise
-        return 0.0 < goal and self.count >= _LEAST_BATCHES and self.image().noise <= goal
+    if mean.count == asked.batches:
+        return True
+    return 0.0 < asked.noise and mean.count >= LEAST_BATCHES and mean.image().noise <= asked.noise
 
 
 def _finished(folder: StudyFolder, size: Size, reference: Reference) -> ReferenceImage | None:
     """Return the reference; None where batches that it needs are not there yet."""
-    mean = _Mean(reference, size)
-    while not mean.is_enough():
+    mean = BatchMean(size)
+    while not _is_enough(mean, reference):
         batch = folder.load_batch(size, mean.count)
         if batch is None:
             return None
-        mean.add(batch)
+        mean.add(batch, reference.spp // reference.batches)
     return mean.image()
 
 
@@ -153,14 +119,14 @@ def render_batches(
     spp = study.reference.spp // study.reference.batches
     variant = Variant("path", spp, parameters)
     renderer = make_renderer(study, scene, size, REFERENCE, variant)
-    mean = _Mean(study.reference, size)
-    while not mean.is_enough():
+    mean = BatchMean(size)
+    while not _is_enough(mean, study.reference):
         index = mean.count
         image = None if index in batches else folder.load_batch(size, index)
         if image is None:
             image, _ = renderer.frame(seed_of(0, REFERENCE_KEY, index))
             folder.save_batch(size, index, image)
-        mean.add(image)
+        mean.add(image, spp)
         if index in batches:
             done()
     for _ in (batch for batch in batches if batch >= mean.count):

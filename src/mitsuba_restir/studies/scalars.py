@@ -223,6 +223,21 @@ def relmse(data: Measured, image: ArrayLike, trim: float) -> float:
     )
 
 
+def rmse(_: Measured, image: Image, reference: ReferenceImage) -> float:
+    """RMSE without the reference's own variance; a `Measure`."""
+    return metrics.rmse(image, reference.image, reference_variance=reference.variance)
+
+
+def whole_relmse(data: Measured, image: Image, _: ReferenceImage) -> float:
+    """relMSE of all pixels; a `Measure`."""
+    return relmse(data, image, 0.0)
+
+
+def hdr_flip(_: Measured, image: Image, reference: ReferenceImage) -> float:
+    """Mean HDR-FLIP; a `Measure`."""
+    return metrics.hdr_flip(image, reference.image).mean
+
+
 def relative_rmse(data: Measured) -> Iterator[Row | Refused]:
     """Root mean squared relative error of luminance: clipped at +-4, and as it is beside it."""
     for label, clip, parts in ((", clipped", CLIP, noise.clipped), ("", None, noise.relative)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Collection, Mapping
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -219,7 +219,11 @@ class StudyFolder:
 
     def _reference_of(self, probe: str) -> str:
         """Return the key of the reference that a probe's answers depend on, if they do."""
-        return reference_key(self.study) if probe in REFERENCED else ""
+        return self._reference_key if probe in REFERENCED else ""
+
+    @cached_property
+    def _reference_key(self) -> str:
+        return reference_key(self.study)
 
     def _probe_file(self, size: Size, variant: str, probe: str, index: int) -> Path:
         return self._file(f"probes/{probe}", size, variant, index).with_suffix(".json")

@@ -38,8 +38,7 @@ _CAPTIONS = (
     ("time of a frame", "time"),
 )
 
-# What is not linear in the squared error keeps a part of the reference's, or all of it.
-_WITH_A_PART = ("relMSE, trimmed",)
+# What is no squared error keeps all of the reference's.
 _WITH_ALL: Mapping[str, Callable[[ArrayLike, ArrayLike], float]] = {
     "SMAPE": metrics.smape,
     "HDR-FLIP": lambda image, reference: metrics.hdr_flip(image, reference).mean,
@@ -178,12 +177,12 @@ def _about_errors(data: Measured, quantities: set[str]) -> str:
             f"{median:.2g} % of a pixel's luminance in the median and {worst:.2g} % at the 90th "
             "percentile."
         )
-        sentences += [
-            f"A part of it stays in “{name}”." for name in _WITH_A_PART if name in quantities
-        ]
+        if "relMSE, trimmed" in quantities:
+            sentences.append("A part of it stays in “relMSE, trimmed”.")
+        perfect = _with_its_noise(reference)
         sentences += [
             f"All of it stays in “{name}”: of a perfect image it would be about "
-            f"{measure(_with_its_noise(reference), reference.image):.2g}."
+            f"{measure(perfect, reference.image):.2g}."
             for name, measure in _WITH_ALL.items()
             if any(quantity.startswith(name) for quantity in quantities)
         ]
