@@ -21,7 +21,7 @@ from .reference import (
 )
 from .rendering import Renderer, load_scene, make_renderer
 from .results import Measured, Row
-from .runs import rehearse, remote_run, render_run, returned_run
+from .runs import rehearse, remote_run, render_run
 from .software import notes_on_software
 from .store import StudyFolder
 from .table import Table
@@ -225,7 +225,7 @@ def _render_remotely(
     tasks = [(table, folder.scene, size, index, names) for index, names in missing.items()]
     for (*_, index, names), runs in cluster(remote_run, tasks):
         for name in names:
-            folder.save_run(size, name, index, returned_run(runs[name]))
+            folder.save_run(size, name, index, runs[name])
         label = f"{size[0]}x{size[1]} run {index + 1}/{study.runs}"
         meter.advance(label, len(names) * study.length)
 

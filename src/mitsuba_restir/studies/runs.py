@@ -80,7 +80,7 @@ def render_run(
 
 def remote_run(
     table: Mapping[str, Any], scene: str, size: Size, index: int, names: list[str]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, Run]:
     """
     Render one run in a worker of a cluster.
 
@@ -90,11 +90,6 @@ def remote_run(
         The study as a TOML table.
     scene : str
         Digest of the scene.
-
-    Returns
-    -------
-    dict of str to dict
-        The fields of each variant's `Run`, its frames loaded.
 
     Raises
     ------
@@ -112,23 +107,4 @@ def remote_run(
         name: make_renderer(study, loaded, size, name, study.variants[name]) for name in names
     }
     rehearse(study, renderers)
-    runs = render_run(study, renderers, index, lambda name: None)
-    return {
-        name: {
-            "last": run.last,
-            "mean": run.mean,
-            "times": run.times,
-            "frames": run.frames,
-            "session": run.session,
-            "software": run.software,
-        }
-        for name, run in runs.items()
-    }
-
-
-def returned_run(fields: Mapping[str, Any]) -> Run:
-    """Make a run of what a worker returned."""
-    frames = fields["frames"]
-    load = None if frames is None else lambda: frames
-    last, mean, times = (fields[name] for name in ("last", "mean", "times"))
-    return Run(last, mean, times, load, fields["session"], fields["software"])
+    return render_run(study, renderers, index, lambda name: None)
