@@ -56,7 +56,7 @@ def energies(weight: float) -> tuple[float, float]:
             "type": "restir_pt",
             "max_depth": 6,
             "mutations": 5,
-            "blue_noise": "mutation",
+            "mutation_acceptance": "energy",
             "blue_noise_weight": weight,
             "aovs": "m:mutation",
         }

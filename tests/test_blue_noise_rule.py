@@ -35,7 +35,7 @@ from mitsuba_restir.studies.adapt import on_scene, quick, without
 from mitsuba_restir.studies.mutation_spectra import numbers
 from mitsuba_restir.studies.results import ReferenceImage
 
-RULES = ("mutation", "mutation_updated")
+RULES = ("energy", "energy_updated")
 STEP = 0.2
 
 
@@ -129,12 +129,12 @@ def test_acceptance_is_the_document_s(rgb, blend):
         np.testing.assert_array_equal(np.array(found), np.array(plain))
 
 
-@pytest.mark.parametrize("blue_noise", RULES)
-def test_without_its_share_the_rule_is_metropolis_hastings(rgb, blue_noise):
+@pytest.mark.parametrize("rule", RULES)
+def test_without_its_share_the_rule_is_metropolis_hastings(rgb, rule):
     """Bit by bit the same frames as those that the tests of mutations find unbiased."""
     scene = references.CASES["room"].load()
     images = []
-    for extra in ({}, {"blue_noise": blue_noise, "blue_noise_weight": 0.0}):
+    for extra in ({}, {"mutation_acceptance": rule, "blue_noise_weight": 0.0}):
         renderer = integrator(5, reusing(3, **extra))
         images.append([np.array(renderer.render(scene, seed=s, spp=1)) for s in range(3)])
     np.testing.assert_array_equal(images[1], images[0])
@@ -198,8 +198,8 @@ def test_each_set_sees_what_the_others_have_become(rgb, monkeypatch, updated):
 # ------------------------------ no hold on the image --------------------------------------------
 
 
-@pytest.mark.parametrize(("blue_noise", "weight"), [("mutation", 0.5), ("mutation_updated", 1.0)])
-def test_the_luminance_of_a_pixel_does_not_change(rgb, blue_noise, weight):
+@pytest.mark.parametrize(("rule", "weight"), [("energy", 0.5), ("energy_updated", 1.0)])
+def test_the_luminance_of_a_pixel_does_not_change(rgb, rule, weight):
     """Invariance, as the frame shows it; and so the energy with the updated W does not change."""
     case = references.CASES["room"]
     scene = case.load()
@@ -210,7 +210,7 @@ def test_the_luminance_of_a_pixel_does_not_change(rgb, blue_noise, weight):
         mode,
         mutations=5,
         mutation_step=STEP,
-        blue_noise=blue_noise,
+        mutation_acceptance=rule,
         blue_noise_weight=weight,
         aovs="m:mutation",
     )
@@ -238,7 +238,7 @@ def test_the_rule_lowers_the_energy_of_what_is_never_shown(rgb):
     fallen = {}
     for name, extra in {
         "plain": {},
-        **{rule: {"blue_noise": rule, "blue_noise_weight": 1.0} for rule in RULES},
+        **{rule: {"mutation_acceptance": rule, "blue_noise_weight": 1.0} for rule in RULES},
     }.items():
         renderer = integrator(5, reusing(1, **extra), aovs="mutation")
         energies = []
@@ -248,8 +248,8 @@ def test_the_rule_lowers_the_energy_of_what_is_never_shown(rgb):
             mean = before.mean()
             energies.append([image_energy(v / (v + mean)).mean() for v in (before, mixed)])
         fallen[name] = np.mean(energies, axis=0) @ [1, -1]
-    assert fallen["mutation"] > fallen["plain"] + 0.1
-    assert fallen["mutation_updated"] > fallen["mutation"] + 0.02
+    assert fallen["energy"] > fallen["plain"] + 0.1
+    assert fallen["energy_updated"] > fallen["energy"] + 0.02
 
 
 # ------------------------------ bias ------------------------------------------------------------
@@ -277,13 +277,13 @@ def image_bias(**extra: Any) -> BiasReport:
 
 
 def test_the_rule_biases_what_reuses_its_paths(rgb):
-    report = image_bias(blue_noise="mutation", blue_noise_weight=0.5)
+    report = image_bias(mutation_acceptance="energy", blue_noise_weight=0.5)
     print(report)
     assert not report.passed
 
 
 def test_control_without_its_share_the_same_test_passes(rgb):
-    report = image_bias(blue_noise="mutation", blue_noise_weight=0.0)
+    report = image_bias(mutation_acceptance="energy", blue_noise_weight=0.0)
     assert report.passed, report
     assert report.detectable < 0.03
 
@@ -294,13 +294,26 @@ def test_control_without_its_share_the_same_test_passes(rgb):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"blue_noise": "mutation"}, "needs mutations of at least 1, not 0"),
+        ({"mutation_acceptance": "energy"}, "needs mutations of at least 1, not 0"),
         ({"blue_noise_weight": 2.0}, "blue_noise_weight must be a number from 0 to 1, not 2"),
         (
-            {"blue_noise": "mutation", "mutations": 1, "mutation_interval": 4},
+            {"mutation_acceptance": "energy", "mutations": 1, "mutation_interval": 4},
             "mutates every pixel in every frame and needs mutation_interval=1, not 4",
         ),
-        ({"blue_noise": "blue"}, "blue_noise must be one of none, mutation, mutation_updated"),
+        ({"blue_noise": "blue"}, "blue_noise must be one of none, selection, not 'blue'"),
+        (
+            {"mutation_acceptance": "blue"},
+            "mutation_acceptance must be one of metropolis, energy, energy_updated, not 'blue'",
+        ),
+        (
+            {"blue_noise": "mutation", "mutations": 1},
+            "blue_noise must be one of none, selection, not 'mutation'; write "
+            "mutation_acceptance='energy'",
+        ),
+        (
+            {"blue_noise": "mutation_updated", "mutations": 1},
+            "not 'mutation_updated'; write mutation_acceptance='energy_updated'",
+        ),
     ],
 )
 def test_wrong_use_is_one_line(rgb, parameters, message):
@@ -311,14 +324,35 @@ def test_wrong_use_is_one_line(rgb, parameters, message):
 
 def test_bias_is_named(rgb):
     scene = references.CASES["room"].load()
-    for blue_noise in ("none", *RULES):
-        renderer = integrator(5, reusing(1, blue_noise=blue_noise))
+    for rule in ("metropolis", *RULES):
+        renderer = integrator(5, reusing(1, mutation_acceptance=rule))
         renderer.render(scene, seed=1, spp=1)
-        biased = blue_noise in RULES
-        assert renderer.statistics().get("biased", []) == [f"blue_noise={blue_noise}"] * biased
-        assert (f"biased by blue_noise={blue_noise}" in str(renderer)) == biased
-    unbiased = integrator(5, reusing(1, blue_noise="mutation", blue_noise_weight=0.0))
+        biased = rule in RULES
+        named = renderer.statistics().get("biased", [])
+        assert named == [f"mutation_acceptance={rule}"] * biased
+        assert (f"biased by mutation_acceptance={rule}" in str(renderer)) == biased
+    unbiased = integrator(5, reusing(1, mutation_acceptance="energy", blue_noise_weight=0.0))
     assert not unbiased.parameters.biased
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_what_is_accepted_and_what_is_shown_are_two_choices(rgb, rule):
+    """Selection sees what the rule leaves: at weight 0 the same as without it, bit by bit."""
+    scene = references.CASES["room"].load()
+    images = []
+    for extra in (
+        {},
+        {"mutation_acceptance": rule, "blue_noise_weight": 0.0},
+        {"mutation_acceptance": rule, "blue_noise_weight": 1.0},
+    ):
+        renderer = integrator(5, reusing(3, blue_noise="selection", **extra))
+        images.append([np.array(renderer.render(scene, seed=s, spp=1)) for s in range(3)])
+    np.testing.assert_array_equal(images[1], images[0])
+    assert not np.array_equal(images[2], images[0])
+    assert renderer.statistics()["biased"] == [
+        f"mutation_acceptance={rule}",
+        "blue_noise=selection",
+    ]
 
 
 def test_share_of_mutations_that_raise_the_target_function(rgb):
@@ -333,10 +367,10 @@ def test_share_of_mutations_that_raise_the_target_function(rgb):
             assert entry["raised"] == pytest.approx(entry["lowered"], abs=0.1)
 
 
-@pytest.mark.parametrize("blue_noise", RULES)
-def test_no_kernel_is_compiled_after_the_first_frames(rgb, blue_noise):
+@pytest.mark.parametrize("rule", RULES)
+def test_no_kernel_is_compiled_after_the_first_frames(rgb, rule):
     scene = references.CASES["room"].load()
-    renderer = integrator(5, reusing(3, blue_noise=blue_noise))
+    renderer = integrator(5, reusing(3, mutation_acceptance=rule))
     for seed in range(2):
         renderer.render(scene, seed=seed, spp=1)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):

@@ -13,7 +13,7 @@ import pytest
 
 from mitsuba_restir import cli, imageio
 from mitsuba_restir.cli import loading, output
-from mitsuba_restir.cli.parameters import PARAMETERS
+from mitsuba_restir.cli.parameters import PARAMETERS, parse_parameters
 from mitsuba_restir.cli.sequence import Schedule, run_frames
 from mitsuba_restir.errors import RenderError, UsageError
 
@@ -286,16 +286,10 @@ def test_definition_of_an_included_file_is_known(folder):
 
 def test_every_parameter_is_known_to_the_plugin():
     loading.choose_variant("llvm_ad_rgb")
-    samples = {
-        "mutations": 0,
-        "shift": "hybrid",
-        "connectability": "footprint",
-        "neighbor_sampling": "random",
-        "blue_noise": "none",
-        "blue_noise_seeds": False,
-    }
-    for name, kind in PARAMETERS.items():
-        loading.make_integrator("restir_pt", {name: samples.get(name, kind(1))})
+    for name, parameter in PARAMETERS.items():
+        text = str(parameter.default).lower()
+        assert parse_parameters({name: text}) == {name: parameter.default}
+        loading.make_integrator("restir_pt", {name: parameter.default})
 
 
 def test_scenes_lists_names_and_what_they_are(capsys):

@@ -90,8 +90,8 @@ def test_statistics_count_the_set_alone(rgb):
     [
         ({"mutation_interval": 0}, "mutation_interval must be an integer from 1 to 64, not 0"),
         (
-            {"blue_noise": "mutation", "mutations": 1, "mutation_interval": 2},
-            "blue_noise='mutation' mutates every pixel in every frame and needs "
+            {"mutation_acceptance": "energy", "mutations": 1, "mutation_interval": 2},
+            "mutation_acceptance='energy' mutates every pixel in every frame and needs "
             "mutation_interval=1, not 2",
         ),
     ],

@@ -23,12 +23,13 @@ from .. import imageio
 from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
+from ..integrators.declaration import Value
 from ..studies.batches import LEAST_BATCHES, BatchMean
 from ..studies.noise import excess, shares, trimmed
 from ..studies.results import Measured, ReferenceImage
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
-from .parameters import Value, parse_parameters
+from .parameters import parse_parameters
 from .render import add_scene_arguments
 
 MAX_DEPTH = 10

@@ -8,42 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..errors import UsageError
+from ..integrators.declaration import Value
+from ..integrators.parameters import PARAMETERS as DECLARED
 
-Value = bool | int | float | str
-
-PARAMETERS: Mapping[str, type] = {
-    "max_depth": int,
-    "rr_depth": int,
-    "hide_emitters": bool,
-    "temporal": bool,
-    "spatial": bool,
-    "spatial_neighbors": int,
-    "spatial_radius": float,
-    "spatial_rounds": int,
-    "confidence_cap": float,
-    "shift": str,
-    "connectability": str,
-    "neighbor_sampling": str,
-    "retrace_history": bool,
-    "mutations": int,
-    "mutation_step": float,
-    "mutation_interval": int,
-    "blue_noise": str,
-    "blue_noise_weight": float,
-    "blue_noise_seeds": bool,
-}
-"""Types of the parameters of ``restir_pt``."""
-
-_DESCRIPTIONS = {bool: "true or false", int: "an integer", float: "a number", str: "a word"}
-
-
-def _convert(text: str, kind: type) -> Value | None:
-    if kind is bool:
-        return {"true": True, "false": False}.get(text.lower())
-    try:
-        return kind(text) if text else None
-    except ValueError:
-        return None
+PARAMETERS = {name: entry for name, entry in DECLARED.items() if name != "aovs"}
+"""Declarations of the parameters that ``-p`` sets; auxiliary images have an option of their own."""
 
 
 def parse_parameters(texts: Mapping[str, str]) -> dict[str, Value]:
@@ -61,10 +30,9 @@ def parse_parameters(texts: Mapping[str, str]) -> dict[str, Value]:
             raise UsageError(
                 f"argument -p: restir_pt has no parameter '{name}'; it has {', '.join(PARAMETERS)}"
             )
-        value = _convert(text.strip(), PARAMETERS[name])
+        value = PARAMETERS[name].parse(text.strip())
         if value is None:
-            kind = _DESCRIPTIONS[PARAMETERS[name]]
-            raise UsageError(f"argument -p: {name} must be {kind}, not '{text}'")
+            raise UsageError(f"argument -p: {name} must be {PARAMETERS[name].noun}, not '{text}'")
         values[name] = value
     return values
 

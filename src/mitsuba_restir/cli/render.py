@@ -13,6 +13,7 @@ import mitsuba as mi
 from .. import __version__, camera_path
 from ..errors import UsageError, rendering
 from ..imageio import RGB, Image, with_rgb
+from ..passes.shade import AOVS
 from . import denoising, loading, output
 from .arguments import as_dict, assignment, integer, positive_seconds, resolution
 from .parameters import parse_aovs, parse_parameters
@@ -103,8 +104,8 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--aovs",
         metavar="LIST",
-        help="extra channels in the EXR, separated by commas: albedo, sh_normal, depth, position, "
-        "motion, confidence, each also as name:type",
+        help=f"extra channels in the EXR, separated by commas: {', '.join(AOVS)}, each also as "
+        "name:type",
     )
     parser.add_argument(
         "--denoise", action="store_true", help="also write each picture denoised (OIDN)"

@@ -20,7 +20,7 @@ from ..passes.primary import Primary
 from ..passes.reproject import reproject
 from ..passes.retrace import retrace
 from ..passes.selection import select
-from ..passes.shade import auxiliary, mutation_luminances, path_number, reservoir_color
+from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
 from ..passes.spatial import Pixels
 from ..passes.temporal import temporal
 from ..paths.camera import Camera
@@ -29,7 +29,7 @@ from ..paths.settings import PathLimits
 from ..resampling.reservoir import Reservoir, empty_reservoir
 from ..sampling.dither import Dither
 from ..shifts.mapping import ShiftMapping
-from .parameters import RULE, SELECTION, Parameters
+from .parameters import Parameters
 
 
 @dataclass
@@ -174,7 +174,7 @@ def sample_paths(
     """
     parameters, mapping = plan.parameters, replace(plan.mapping, dither=dither)
     reservoirs = initial(
-        scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping, parameters.mutations > 0
+        scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping, parameters.mutates
     )
     dr.eval(reservoirs)
     if not parameters.temporal or camera is None:
@@ -234,10 +234,10 @@ def share_paths(
     parameters, mapping = plan.parameters, replace(plan.mapping, dither=dither)
     reservoirs, outcomes = sampled.reservoirs, [sampled.outcomes]
     mutated = None
-    if parameters.mutations > 0:
+    if parameters.mutates:
         size = (plan.width, plan.height)
         steps = (parameters.mutations, parameters.mutation_step, sample, seed, mapping)
-        if parameters.blue_noise in RULE:
+        if parameters.prefers_energy:
             reservoirs, mutated = mutate_by_rule(
                 scene,
                 sensor,
@@ -246,7 +246,7 @@ def share_paths(
                 size,
                 *steps,
                 parameters.blue_noise_weight,
-                parameters.blue_noise == "mutation_updated",
+                parameters.updates_energy,
             )
         else:
             reservoirs, mutated = decorrelate_alternating(
@@ -262,18 +262,11 @@ def share_paths(
             )
         dr.eval(reservoirs, mutated)
 
-    kinds = [kind for _, kind in parameters.aovs]
-    luminances = []
-    if "mutation" in kinds:
-        luminances = mutation_luminances(sampled.reservoirs, reservoirs)
-        dr.eval(luminances)
-    paths = []
-    if "path" in kinds:
-        paths = [path_number(sampled.reservoirs), path_number(reservoirs)]
-        dr.eval(paths)
+    kinds = [kind for _, kind in parameters.images]
+    moved = moved_images(kinds, sampled.reservoirs, reservoirs)
+    dr.eval(moved)
 
     color = reservoir_color(reservoirs)
-    selects = parameters.blue_noise == SELECTION
     sampling = SAMPLING[parameters.neighbor_sampling]
     pixels = Pixels(
         scene, sensor, now.hit, plan.width, plan.height, parameters.spatial_neighbors, mapping
@@ -284,7 +277,7 @@ def share_paths(
             pixels, sampling, layout, reservoirs, round_number, sample, seed
         )
         outcomes.append(shifts)
-        dr.eval(reservoirs, color, pairs if selects else None)
+        dr.eval(reservoirs, color, pairs if parameters.selects else None)
 
     colors = None
     if sampled.colors is not None:
@@ -302,9 +295,7 @@ def share_paths(
 
     color += now.emitted
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
-    if "path" in kinds:
-        paths.append(path_number(reservoirs))
-    extra = auxiliary(kinds, now.hit, sampled.flow, reservoirs.confidence, luminances, past, paths)
+    extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
     dr.eval(color, extra)
     return Frame(
         color,

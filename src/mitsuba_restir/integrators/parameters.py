@@ -1,64 +1,173 @@
-"""The parameters of ``restir_pt``: read from Mitsuba properties and checked at the border."""
+"""The parameters of ``restir_pt``, each declared once: read, checked and documented from here."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from ..passes.neighbors import SAMPLING
-from ..passes.shade import AOV_CHANNELS
+from ..passes.shade import AOVS
 from ..paths.record import MAX_EDGES
-
-MUTATION_STEP = 0.05
-"""Default width of a mutation in primary sample space."""
+from .declaration import declarations, declared
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Checked parameters; the meaning of each is in the plugin's reference page."""
+    """Checked parameters of the integrator; the declarations say what each means."""
 
-    max_depth: int
-    rr_depth: int
-    hide_emitters: bool
-    temporal: bool
-    spatial: bool
-    spatial_neighbors: int
-    spatial_radius: float
-    spatial_rounds: int
-    neighbor_sampling: str
-    confidence_cap: float
-    shift: str
-    connectability: str
-    retrace_history: bool
-    mutations: int
-    mutation_step: float
-    mutation_interval: int
-    blue_noise: str
-    blue_noise_weight: float
-    blue_noise_seeds: bool
-    aovs: tuple[tuple[str, str], ...]
+    max_depth: int = declared(
+        -1,
+        """Longest path depth, as in :ref:`path <integrator-path>`: 1 is directly visible emission,
+        2 direct illumination, -1 no limit.""",
+        low=-1,
+    )
+    rr_depth: int = declared(
+        5, "Depth from which initial candidates are subject to Russian roulette.", low=1
+    )
+    hide_emitters: bool = declared(False, "Hide directly visible emitters.")
+    temporal: bool = declared(True, "Reuse the paths of earlier frames.")
+    spatial: bool = declared(True, "Reuse the paths of neighbouring pixels.")
+    spatial_neighbors: int = declared(
+        3, "Neighbours requested per pixel and round.", low=1, high=32
+    )
+    spatial_radius: float = declared(
+        20.0, "Radius of the disk they are drawn from [pixels].", low=1, high=256
+    )
+    spatial_rounds: int = declared(1, "Rounds of spatial reuse per frame.", low=1, high=16)
+    neighbor_sampling: str = declared(
+        "random",
+        """Who the neighbours are. ``random``: reciprocal pairs. ``blue_noise``: pixels exchange
+        paths in scattered groups, in the order that a blue-noise mask with a random offset gives
+        them: less noise between 1/16 and 1/6 cycles per pixel, at as many shifts and no bias. For
+        comparison: ``white_noise``, the same with a white mask; ``blocks``, with a white mask in
+        blocks of 16 x 16 pixels (histogram stratification, after Salaün et al. 2025);
+        ``geometry``, picks with good scores of the G-buffer (Junkins et al. 2026), at two shifts a
+        neighbour.""",
+        choices=tuple(SAMPLING),
+    )
+    confidence_cap: float = declared(
+        20.0,
+        "Largest confidence of the history, relative to the frame's own candidates.",
+        high=1e6,
+    )
+    shift: str = declared(
+        "hybrid",
+        "Shift mapping: ``hybrid``, ``reconnection`` or ``random_replay``.",
+        choices=("hybrid", "reconnection", "random_replay"),
+    )
+    connectability: str = declared(
+        "footprint",
+        "Test for the reconnection vertex: ``footprint`` or ``distance_roughness``.",
+        choices=("footprint", "distance_roughness"),
+    )
+    retrace_history: bool = declared(
+        False,
+        """Trace the history's paths again in the current scene before they are reused. Needed where
+        the scene changes between frames and :py:meth:`reset` is not called.""",
+    )
+    mutations: int = declared(
+        0,
+        """Metropolis-Hastings mutations per pixel and frame, between temporal and spatial reuse
+        (Sawhney et al. 2024). They decorrelate the pixels at no bias.""",
+        high=1000,
+    )
+    mutation_step: float = declared(
+        0.05, "Standard deviation of a mutation in primary sample space.", low=1e-4, high=1
+    )
+    mutation_interval: int = declared(
+        1,
+        """Mutate only the n-th part of the pixels per frame, in sets that alternate so that every
+        pixel has its turn once in n frames. Cheaper, and as unbiased as all.""",
+        low=1,
+        high=64,
+    )
+    mutation_acceptance: str = declared(
+        "metropolis",
+        """Which mutations are accepted. ``metropolis``: by the rule of Metropolis and Hastings,
+        which keeps the image unbiased. ``energy``: by a rule that prefers paths unlike those of
+        the neighbours (Fickel). It is here as a negative result: **it biases the image**, and the
+        noise does not become blue. It compares with the neighbours' luminances before the
+        mutations; ``energy_updated`` is an experiment that keeps them up to date, a sixteenth of
+        the pixels moving at a time. Both need ``mutations`` of all pixels. What is shown of the
+        result is the business of ``blue_noise``, and each goes with each.""",
+        choices=("metropolis", "energy", "energy_updated"),
+        biased=lambda parameters: parameters.prefers_energy and parameters.blue_noise_weight > 0,
+    )
+    blue_noise: str = declared(
+        "none",
+        """What is shown. ``none``: the plain average of the estimates that spatial reuse has made.
+        ``selection``: of these, the one that moves the error to high frequencies, steered by a
+        colour history of plain averages. Nothing of it gets into reservoirs or history. **What is
+        shown is biased** (mean of still scenes within 0.5 % of the plain average, with a moving
+        camera 0.7 %; more under heavy tails), and it needs ``spatial`` and ``temporal``.""",
+        choices=("none", "selection"),
+        former={
+            "mutation": "mutation_acceptance='energy'",
+            "mutation_updated": "mutation_acceptance='energy_updated'",
+        },
+        biased=lambda parameters: parameters.selects,
+    )
+    blue_noise_weight: float = declared(
+        0.5,
+        """Share of the energy in the acceptance probability of ``mutation_acceptance``, from 0
+        (Metropolis-Hastings, unbiased) to 1.""",
+        high=1,
+    )
+    blue_noise_seeds: bool = declared(
+        False,
+        """Take the first random numbers of every candidate path from blue-noise masks with random
+        offsets (Georgiev and Fajardo 2016). The expectation stays the same.""",
+    )
+    aovs: str = declared(
+        "",
+        "Auxiliary images as ``name:type, ...`` with the types "
+        + ", ".join(f"``{name}``{aov.doc and f' ({aov.doc})'}" for name, aov in AOVS.items())
+        + ".",
+    )
+
+    @property
+    def longest(self) -> int:
+        """Edges of the longest path that is traced."""
+        return MAX_EDGES if self.max_depth == -1 else min(self.max_depth, MAX_EDGES)
+
+    @property
+    def mutates(self) -> bool:
+        """Whether there are mutations."""
+        return self.mutations > 0
+
+    @property
+    def prefers_energy(self) -> bool:
+        """Whether mutations are accepted by the source document's rule."""
+        return self.mutation_acceptance != "metropolis"
+
+    @property
+    def updates_energy(self) -> bool:
+        """Whether that rule sees what the neighbours have become."""
+        return self.mutation_acceptance == "energy_updated"
+
+    @property
+    def selects(self) -> bool:
+        """Whether one of the estimates of spatial reuse is chosen to be shown."""
+        return self.blue_noise == "selection"
+
+    @property
+    def images(self) -> tuple[tuple[str, str], ...]:
+        """Name and type of each auxiliary image; as in Mitsuba's ``aov``, a type is a name too."""
+        entries = (entry.strip().partition(":") for entry in self.aovs.split(",") if entry.strip())
+        return tuple((name, kind or name) for name, _, kind in entries)
 
     @property
     def biased(self) -> tuple[str, ...]:
         """What was asked for that biases the image, as ``name=value``."""
-        rule = self.blue_noise in RULE and self.blue_noise_weight > 0
-        biased = rule or self.blue_noise == SELECTION
-        return (f"blue_noise={self.blue_noise}",) if biased else ()
+        return tuple(
+            f"{name}={getattr(self, name)}"
+            for name, declaration in PARAMETERS.items()
+            if declaration.biased(self)
+        )
 
 
-RULE = ("mutation", "mutation_updated")
-"""Values of ``blue_noise`` that name the source document's rule for mutations."""
-
-SELECTION = "selection"
-"""Value of ``blue_noise`` that chooses what is shown."""
-
-_CHOICES = {
-    "shift": ("hybrid", "reconnection", "random_replay"),
-    "connectability": ("footprint", "distance_roughness"),
-    "neighbor_sampling": tuple(SAMPLING),
-    "blue_noise": ("none", *RULE, SELECTION),
-}
+PARAMETERS = declarations(Parameters)
+"""The declarations by name."""
 
 
 def read_parameters(props: Any) -> Parameters:
@@ -69,94 +178,37 @@ def read_parameters(props: Any) -> Parameters:
     ValueError
         For an unknown name or a value outside the allowed range, naming what is allowed.
     """
-    max_depth = _integer(props, "max_depth", -1, -1)
-    parameters = Parameters(
-        max_depth=MAX_EDGES if max_depth == -1 else min(max_depth, MAX_EDGES),
-        rr_depth=_integer(props, "rr_depth", 5, 1),
-        hide_emitters=_boolean(props, "hide_emitters", False),
-        temporal=_boolean(props, "temporal", True),
-        spatial=_boolean(props, "spatial", True),
-        spatial_neighbors=_integer(props, "spatial_neighbors", 3, 1, 32),
-        spatial_radius=_number(props, "spatial_radius", 20.0, 1.0, 256.0),
-        spatial_rounds=_integer(props, "spatial_rounds", 1, 1, 16),
-        neighbor_sampling=_choice(props, "neighbor_sampling", "random"),
-        confidence_cap=_number(props, "confidence_cap", 20.0, 0.0, 1e6),
-        shift=_choice(props, "shift", "hybrid"),
-        connectability=_choice(props, "connectability", "footprint"),
-        retrace_history=_boolean(props, "retrace_history", False),
-        mutations=_integer(props, "mutations", 0, 0, 1000),
-        mutation_step=_number(props, "mutation_step", MUTATION_STEP, 1e-4, 1.0),
-        mutation_interval=_integer(props, "mutation_interval", 1, 1, 64),
-        blue_noise=_choice(props, "blue_noise", "none"),
-        blue_noise_weight=_number(props, "blue_noise_weight", 0.5, 0.0, 1.0),
-        blue_noise_seeds=_boolean(props, "blue_noise_seeds", False),
-        aovs=_aovs(props.get("aovs", "")),
-    )
+    values: dict[str, Any] = {
+        name: declaration.check(props.get(name, declaration.default))
+        for name, declaration in PARAMETERS.items()
+    }
     if unknown := props.unqueried():
-        known = ", ".join(field.name for field in fields(Parameters))
+        known = ", ".join(PARAMETERS)
         raise ValueError(f"restir_pt has no parameter '{unknown[0]}'; it has {known}")
-    if parameters.blue_noise in RULE and parameters.mutations == 0:
+    parameters = Parameters(**values)
+    _check_together(parameters)
+    return parameters
+
+
+def _check_together(parameters: Parameters) -> None:
+    """Refuse values that do not go together."""
+    rule = f"restir_pt: mutation_acceptance={parameters.mutation_acceptance!r}"
+    if parameters.prefers_energy and not parameters.mutates:
+        raise ValueError(f"{rule} is a rule for mutations and needs mutations of at least 1, not 0")
+    if parameters.prefers_energy and parameters.mutation_interval > 1:
         raise ValueError(
-            f"restir_pt: blue_noise={parameters.blue_noise!r} is a rule for mutations and needs "
-            "mutations of at least 1, not 0"
+            f"{rule} mutates every pixel in every frame and needs mutation_interval=1, not "
+            f"{parameters.mutation_interval}"
         )
-    if parameters.blue_noise == SELECTION and not (parameters.temporal and parameters.spatial):
+    if parameters.selects and not (parameters.temporal and parameters.spatial):
         raise ValueError(
             "restir_pt: blue_noise='selection' chooses among what spatial reuse computes, by what "
             "earlier frames showed, and needs temporal=true and spatial=true"
         )
-    if "history" in dict(parameters.aovs).values() and parameters.blue_noise != SELECTION:
-        raise ValueError("restir_pt: the aov type history needs blue_noise='selection'")
-    if parameters.blue_noise in RULE and parameters.mutation_interval > 1:
-        raise ValueError(
-            f"restir_pt: blue_noise={parameters.blue_noise!r} mutates every pixel in every frame "
-            f"and needs mutation_interval=1, not {parameters.mutation_interval}"
-        )
-    return parameters
-
-
-def _reject(name: str, value: Any, allowed: str) -> ValueError:
-    return ValueError(f"restir_pt: {name} must be {allowed}, not {value!r}")
-
-
-def _integer(props: Any, name: str, default: int, low: int, high: int = 2**31 - 1) -> int:
-    value = props.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        bound = f"of at least {low}" if high == 2**31 - 1 else f"from {low} to {high}"
-        raise _reject(name, value, f"an integer {bound}")
-    return value
-
-
-def _number(props: Any, name: str, default: float, low: float, high: float) -> float:
-    value = props.get(name, default)
-    good = isinstance(value, int | float) and not isinstance(value, bool)
-    if not good or not low <= value <= high:
-        bound = f"of at least {low:g}" if math.isinf(high) else f"from {low:g} to {high:g}"
-        raise _reject(name, value, f"a number {bound}")
-    return float(value)
-
-
-def _boolean(props: Any, name: str, default: bool) -> bool:
-    value = props.get(name, default)
-    if not isinstance(value, bool):
-        raise _reject(name, value, "true or false")
-    return value
-
-
-def _choice(props: Any, name: str, default: str) -> str:
-    value = props.get(name, default)
-    if value not in _CHOICES[name]:
-        raise _reject(name, value, "one of " + ", ".join(_CHOICES[name]))
-    return str(value)
-
-
-def _aovs(text: Any) -> tuple[tuple[str, str], ...]:
-    """Parse ``"name:type, ..."`` as Mitsuba's ``aov`` does; a bare type is its own name."""
-    pairs = []
-    for item in filter(None, (part.strip() for part in str(text).split(","))):
-        name, _, kind = item.partition(":")
-        kind = kind or name
-        if kind not in AOV_CHANNELS:
-            raise _reject("aovs", item, "a list of name:type with types " + ", ".join(AOV_CHANNELS))
-        pairs.append((name, kind))
-    return tuple(pairs)
+    for name, kind in parameters.images:
+        if kind not in AOVS:
+            item = name if name == kind else f"{name}:{kind}"
+            types = "a list of name:type with types " + ", ".join(AOVS)
+            raise PARAMETERS["aovs"].refusal(item, types)
+        if AOVS[kind].selects and not parameters.selects:
+            raise ValueError(f"restir_pt: the aov type {kind} needs blue_noise='selection'")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import inspect
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ import mitsuba as mi
 
 from ..passes.neighbors import SAMPLING
 from ..passes.primary import primary
-from ..passes.shade import AOV_CHANNELS
+from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
 from ..paths.settings import PathLimits
 from ..sampling.dither import Dither, mask_texture
@@ -21,8 +22,9 @@ from ..sampling.masks import load_mask
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import shift_mapping
 from .border import check_scene, check_sensor, check_variant
+from .declaration import page
 from .frame import Frame, History, Plan, Stage, no_history, sample_paths, share_paths
-from .parameters import SELECTION, read_parameters
+from .parameters import PARAMETERS, read_parameters
 from .statistics import mutation_shares, outcome_shares
 
 NEAR_FRACTION = 0.03
@@ -36,112 +38,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     ReSTIR path tracer (:monosp:`restir_pt`)
     ----------------------------------------
 
-    .. pluginparameters::
-
-     * - max_depth
-       - |int|
-       - Longest path depth, as in :ref:`path <integrator-path>`: 1 is directly visible emission, 2
-         direct illumination, -1 no limit. (Default: -1)
-
-     * - rr_depth
-       - |int|
-       - Depth from which initial candidates are subject to Russian roulette. (Default: 5)
-
-     * - hide_emitters
-       - |bool|
-       - Hide directly visible emitters. (Default: |false|)
-
-     * - temporal, spatial
-       - |bool|
-       - Which reuse passes run. (Default: |true|, |true|)
-
-     * - spatial_neighbors
-       - |int|
-       - Neighbours requested per pixel and round. (Default: 3)
-
-     * - spatial_radius
-       - |float|
-       - Radius of the disk they are drawn from [pixels]. (Default: 20)
-
-     * - spatial_rounds
-       - |int|
-       - Rounds of spatial reuse per frame. (Default: 1)
-
-     * - neighbor_sampling
-       - |string|
-       - Who the neighbours are. ``random``: reciprocal pairs. ``blue_noise``: pixels exchange paths
-         in scattered groups, in the order that a blue-noise mask with a random offset gives them:
-         less noise between 1/16 and 1/6 cycles per pixel, at as many shifts and no bias. For
-         comparison: ``white_noise``, the same with a white mask; ``blocks``, with a white mask in
-         blocks of 16 x 16 pixels (histogram stratification, after Salaün et al. 2025);
-         ``geometry``, picks with good scores of the G-buffer (Junkins et al. 2026), at two shifts
-         a neighbour.
-         (Default: ``random``)
-
-     * - confidence_cap
-       - |float|
-       - Largest confidence of the history, relative to the frame's own candidates. (Default: 20)
-
-     * - shift
-       - |string|
-       - Shift mapping: ``hybrid``, ``reconnection`` or ``random_replay``. (Default: ``hybrid``)
-
-     * - connectability
-       - |string|
-       - Test for the reconnection vertex: ``footprint`` or ``distance_roughness``.
-         (Default: ``footprint``)
-
-     * - retrace_history
-       - |bool|
-       - Trace the history's paths again in the current scene before they are reused. Needed where
-         the scene changes between frames and :py:meth:`reset` is not called. (Default: |false|)
-
-     * - mutations
-       - |int|
-       - Metropolis-Hastings mutations per pixel and frame, between temporal and spatial reuse
-         (Sawhney et al. 2024). They decorrelate the pixels at no bias. (Default: 0)
-
-     * - mutation_step
-       - |float|
-       - Standard deviation of a mutation in primary sample space. (Default: 0.05)
-
-     * - mutation_interval
-       - |int|
-       - Mutate only the n-th part of the pixels per frame, in sets that alternate so that every
-         pixel has its turn once in n frames. Cheaper, and as unbiased as all. (Default: 1)
-
-     * - blue_noise
-       - |string|
-       - ``selection``: of the estimates that spatial reuse has made, show the one that moves the
-         error to high frequencies, steered by a colour history of plain averages. Nothing of it
-         gets into reservoirs or history. **What is shown is biased** (mean of still scenes within
-         0.5 % of the plain average, with a moving camera 0.7 %; more under heavy tails), and it
-         needs ``spatial`` and ``temporal``.
-         ``mutation``: mutations are accepted by a rule that prefers paths unlike those of the
-         neighbours (Fickel). It is here as a negative result: **it biases the image**, and the
-         noise does not become blue. It compares with the neighbours' luminances before the
-         mutations; ``mutation_updated`` is an experiment that keeps them up to date, a sixteenth
-         of the pixels moving at a time. Both need ``mutations``. (Default: ``none``)
-
-     * - blue_noise_weight
-       - |float|
-       - Share of that rule in the acceptance probability, from 0 (Metropolis-Hastings, unbiased) to
-         1. (Default: 0.5)
-
-     * - blue_noise_seeds
-       - |bool|
-       - Take the first random numbers of every candidate path from blue-noise masks with random
-         offsets (Georgiev and Fajardo 2016). The expectation stays the same. (Default: |false|)
-
-     * - aovs
-       - |string|
-       - Auxiliary images as ``name:type, ...`` with the types ``albedo``, ``sh_normal``, ``depth``,
-         ``position``, ``motion`` (previous minus current film position [pixels]), ``confidence``,
-         ``history`` (the colour history of ``selection``), ``mutation`` (luminance of F W before
-         and after the mutations, and of the new F with the old W; before spatial reuse) and
-         ``path`` (number of the path that a pixel holds before and after the mutations and after
-         spatial reuse, equal for equal paths; -1: none).
-         (Default: none)
+    {parameters}
 
     Renders with generalised resampled importance sampling (Lin et al. 2022): the candidate paths of
     a pixel are resampled together with those of its neighbours and of earlier frames. One call of
@@ -270,8 +167,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         """Names of the auxiliary channels, in film order."""
         return [
             f"{name}.{suffix}"
-            for name, kind in self.parameters.aovs
-            for suffix in AOV_CHANNELS[kind]
+            for name, kind in self.parameters.images
+            for suffix in AOVS[kind].channels
         ]
 
     def statistics(self) -> dict[str, Any]:
@@ -317,8 +214,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         if self._history is None:
             self._history = no_history(
                 width * height,
-                self.parameters.mutations > 0,
-                self.parameters.blue_noise == SELECTION,
+                self.parameters.mutates,
+                self.parameters.selects,
             )
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
@@ -341,7 +238,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self._dither = _dither(shape[1]) if parameters.blue_noise_seeds else None
         self._plan = Plan(
             parameters,
-            PathLimits(parameters.max_depth, parameters.rr_depth),
+            PathLimits(parameters.longest, parameters.rr_depth),
             shift_mapping(parameters.shift, _criterion(parameters.connectability, scene)),
             shape[1],
             shape[2],
@@ -388,5 +285,10 @@ def _criterion(name: str, scene: mi.Scene) -> Criterion:
         return Footprint()
     return DistanceRoughness(NEAR_FRACTION * float(dr.norm(scene.bbox().extents())) / 2)
 
+
+# The table of the reference page is written from the declarations.
+ReSTIRPTIntegrator.__doc__ = inspect.cleandoc(ReSTIRPTIntegrator.__doc__ or "").replace(
+    "{parameters}", page(PARAMETERS.values())
+)
 
 mi.register_integrator("restir_pt", ReSTIRPTIntegrator)

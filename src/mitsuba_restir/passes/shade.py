@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -14,18 +15,50 @@ from ..paths.spectrum import target
 from ..paths.vertex import exists
 from ..resampling.reservoir import Reservoir
 
-AOV_CHANNELS = {
-    "albedo": ("R", "G", "B"),
-    "sh_normal": ("X", "Y", "Z"),
-    "depth": ("T",),
-    "position": ("X", "Y", "Z"),
-    "motion": ("X", "Y"),
-    "confidence": ("C",),
-    "mutation": ("before", "after", "mixed"),
-    "path": ("before", "after", "shown"),
-    "history": ("R", "G", "B"),
-}
-"""Auxiliary images and the suffixes of their channels, as Mitsuba's ``aov`` names them."""
+
+@dataclass
+class Shown:
+    """What a frame ends with, one lane per pixel.
+
+    Fields: ``hit``, ``flow`` (``Vector2f``, previous minus current film position [pixels]),
+    ``reservoirs`` (after spatial reuse), ``past`` (``Color3f``, the colour history with the light
+    seen directly).
+    """
+
+    hit: PrimaryHit
+    flow: Any
+    reservoirs: Reservoir
+    past: Any
+
+
+def _nothing(*_: Any) -> list[Any]:
+    return []
+
+
+@dataclass(frozen=True)
+class Aov:
+    """A type of auxiliary image.
+
+    Attributes
+    ----------
+    channels : sequence of str
+        Suffixes of its channels, as Mitsuba's ``aov`` names them.
+    shown : callable
+        :class:`Shown` -> its channels, or the last of them.
+    moved : callable
+        (reservoirs before the mutations, after them) -> the first channels, where what they show is
+        gone by the end of the frame.
+    doc : str
+        What it shows, where its name does not say it.
+    selects : bool
+        Whether only selection has it.
+    """
+
+    channels: Sequence[str]
+    shown: Callable[[Shown], Sequence[Any]] = _nothing
+    moved: Callable[[Reservoir, Reservoir], Sequence[Any]] = _nothing
+    doc: str = ""
+    selects: bool = False
 
 
 def reservoir_color(reservoir: Reservoir) -> Any:
@@ -47,46 +80,71 @@ def path_number(reservoir: Reservoir) -> Any:
     return dr.select(reservoir.weight > 0, mi.Float(identity(reservoir.path)), -1)
 
 
-def auxiliary(
-    names: Sequence[str],
-    hit: PrimaryHit,
-    flow: Any,
-    confidence: Any,
-    mutation: list[Any],
-    history: Any,
-    paths: list[Any],
-) -> list[Any]:
+def _albedo(shown: Shown) -> Sequence[Any]:
+    ray, pi = camera_ray(shown.hit, dr.zeros(mi.Ray3f).wavelengths)
+    si = pi.compute_surface_interaction(ray)
+    albedo = si.bsdf().eval_diffuse_reflectance(si, si.is_valid())
+    return albedo if len(albedo) == 3 else [albedo[0]] * 3
+
+
+def _depth(shown: Shown) -> Any:
+    vertex = shown.hit.vertex
+    return dr.select(exists(vertex), dr.norm(vertex.p - shown.hit.origin), 0)
+
+
+AOVS = {
+    "albedo": Aov("RGB", _albedo),
+    "sh_normal": Aov("XYZ", lambda shown: shown.hit.normal),
+    "depth": Aov("T", lambda shown: [_depth(shown)]),
+    "position": Aov("XYZ", lambda shown: shown.hit.vertex.p),
+    "motion": Aov(
+        "XY",
+        lambda shown: shown.flow,
+        doc="previous minus current film position [pixels]",
+    ),
+    "confidence": Aov("C", lambda shown: [shown.reservoirs.confidence]),
+    "mutation": Aov(
+        ("before", "after", "mixed"),
+        moved=mutation_luminances,
+        doc="luminance of F W before and after the mutations, and of the new F with the old W; "
+        "before spatial reuse",
+    ),
+    "path": Aov(
+        ("before", "after", "shown"),
+        lambda shown: [path_number(shown.reservoirs)],
+        lambda before, after: [path_number(before), path_number(after)],
+        doc="number of the path that a pixel holds before and after the mutations and after "
+        "spatial reuse, equal for equal paths; -1: none",
+    ),
+    "history": Aov(
+        "RGB",
+        lambda shown: shown.past,
+        doc="the colour history of ``selection``",
+        selects=True,
+    ),
+}
+"""The types of auxiliary images."""
+
+
+def moved_images(kinds: Sequence[str], before: Reservoir, after: Reservoir) -> list[list[Any]]:
+    """Channels of each image that have to be taken before spatial reuse, as ``Float``."""
+    return [[mi.Float(c) for c in AOVS[kind].moved(before, after)] for kind in kinds]
+
+
+def auxiliary(kinds: Sequence[str], moved: list[list[Any]], shown: Shown) -> list[Any]:
     """Channels of the requested auxiliary images, in order, one ``Float`` per channel.
 
     Parameters
     ----------
-    names : sequence of str
-        Keys of :data:`AOV_CHANNELS`.
-    flow : Vector2f
-        Previous minus current film position [pixels].
-    confidence : Float
-        Confidence weights of the final reservoirs.
-    mutation : list of Float
-        See :func:`mutation_luminances`; empty where it is not wanted.
-    history : Color3f
-        The colour history, with the light seen directly.
-    paths : list of Float
-        See :func:`path_number`: before and after the mutations, and after spatial reuse; empty
-        where they are not wanted.
+    kinds : sequence of str
+        Keys of :data:`AOVS`.
+    moved : list of lists of Float
+        See :func:`moved_images`.
+    shown : Shown
     """
-    images: dict[str, Any] = {
-        "sh_normal": hit.normal,
-        "depth": [dr.select(exists(hit.vertex), dr.norm(hit.vertex.p - hit.origin), 0)],
-        "position": hit.vertex.p,
-        "motion": flow,
-        "confidence": [confidence],
-        "mutation": mutation,
-        "history": history,
-        "path": paths,
-    }
-    if "albedo" in names:
-        ray, pi = camera_ray(hit, dr.zeros(mi.Ray3f).wavelengths)
-        si = pi.compute_surface_interaction(ray)
-        albedo = si.bsdf().eval_diffuse_reflectance(si, si.is_valid())
-        images["albedo"] = albedo if len(albedo) == 3 else [albedo[0]] * 3
-    return [mi.Float(channel) for name in names for channel in images[name]]
+    channels = [
+        channel
+        for kind, first in zip(kinds, moved, strict=True)
+        for channel in (*first, *AOVS[kind].shown(shown))
+    ]
+    return [mi.Float(channel) for channel in channels]
