@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -114,33 +113,6 @@ def no_history(pixels: int, continued: bool, colors: bool) -> History:
     )
     dr.make_opaque(history)
     return history
-
-
-class Stage:
-    """A stage of the frame with the plan bound, recorded once and replayed from then on.
-
-    Freezing skips re-tracing the Python code; the kernels are the same, so the images are too. Some
-    scenes cannot be recorded, because Mitsuba 3.9 does not expose all of their state (a bitmap on
-    an area light; the colour matching tables of spectral variants): they are traced every frame.
-    """
-
-    def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
-        def bound(*inputs: Any) -> Any:
-            return stage(plan, *inputs)
-
-        self._traced = bound
-        self._recorded = None if mi.is_spectral else dr.freeze(bound)
-
-    def __call__(self, *inputs: Any) -> Any:
-        """Run the stage on its inputs (plain data)."""
-        if self._recorded is not None:
-            try:
-                return self._recorded(*inputs)
-            except RuntimeError as error:
-                if "record" not in str(error):
-                    raise
-                self._recorded = None
-        return self._traced(*inputs)
 
 
 def sample_paths(

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import inspect
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
@@ -23,8 +20,9 @@ from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import shift_mapping
 from .border import check_scene, check_sensor, check_variant
 from .declaration import page
-from .frame import Frame, History, Plan, Stage, no_history, sample_paths, share_paths
+from .frame import Frame, History, Plan, no_history, sample_paths, share_paths
 from .parameters import PARAMETERS, read_parameters
+from .recording import Stage, collection_paused
 from .statistics import mutation_shares, outcome_shares
 
 NEAR_FRACTION = 0.03
@@ -130,7 +128,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             now = primary(scene, sensor, sample, seed, skip_emitters)
             dr.eval(now)
             spectral_sensor = sensor if mi.is_spectral else None
-            with _collection_paused():
+            with collection_paused():
                 sampled = self._sample_paths(
                     scene,
                     spectral_sensor,
@@ -259,18 +257,6 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         block.put(center, [*frame.color, *alpha, mi.Float(1), *frame.auxiliary])
         film.put_block(block)
         return film.develop()
-
-
-@contextmanager
-def _collection_paused() -> Iterator[None]:
-    """No garbage collection inside: to free a scene while a frame is recorded aborts Dr.Jit 1.5."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def _dither(width: int) -> Dither:

@@ -1,0 +1,52 @@
+"""Recording a frame: its stages are traced once and replayed from then on."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from .frame import Plan
+
+
+class Stage:
+    """A stage of the frame with the plan bound, recorded once and replayed from then on.
+
+    Freezing skips re-tracing the Python code; the kernels are the same, so the images are too. Some
+    scenes cannot be recorded, because Mitsuba 3.9 does not expose all of their state (a bitmap on
+    an area light; the colour matching tables of spectral variants): they are traced every frame.
+    """
+
+    def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
+        def bound(*inputs: Any) -> Any:
+            return stage(plan, *inputs)
+
+        self._traced = bound
+        self._recorded = None if mi.is_spectral else dr.freeze(bound)
+
+    def __call__(self, *inputs: Any) -> Any:
+        """Run the stage on its inputs (plain data)."""
+        if self._recorded is not None:
+            try:
+                return self._recorded(*inputs)
+            except RuntimeError as error:
+                if "record" not in str(error):
+                    raise
+                self._recorded = None
+        return self._traced(*inputs)
+
+
+@contextmanager
+def collection_paused() -> Iterator[None]:
+    """No garbage collection inside: to free a scene while a frame is recorded aborts Dr.Jit 1.5."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
