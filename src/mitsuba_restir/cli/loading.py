@@ -111,6 +111,8 @@ def _load_file(
     path: Path, definitions: Mapping[str, str], size: tuple[int, int] | None, keep_filter: bool
 ) -> Any:
     config = mi.parser.ParserConfig(mi.variant())
+    # In parallel, threads would decide the order of the lights, and with it what a seed renders.
+    config.parallel = False
     outer = mi.file_resolver()
     resolver = mi.FileResolver(outer)
     resolver.prepend(str(path.parent.resolve()))
