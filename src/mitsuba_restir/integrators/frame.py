@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from ..passes.alternate import decorrelate_alternating
-from ..passes.blue_noise_rule import mutate_by_rule
-from ..passes.color_history import ColorHistory, clamped, no_color_history, relit, remember
-from ..passes.decorrelate import Mutated, metropolis_hastings
+from ..mutations.chain import Mutated
+from ..mutations.kind import MutationPlan
+from ..mutations.proposals import MoveReconnectionVertex
+from ..neighbors.color_history import ColorHistory, no_color_history
+from ..neighbors.reproject import Motion, reproject
+from ..neighbors.strategies import STRATEGIES
+from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
-from ..passes.neighborhood import similar_neighbors
-from ..passes.neighbors import SAMPLING, spatial
-from ..passes.primary import Primary
-from ..passes.reproject import reproject
 from ..passes.retrace import retrace
-from ..passes.selection import select
+from ..passes.select import select
 from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
-from ..passes.spatial import Pixels
-from ..passes.temporal import temporal
+from ..passes.spatial import spatial
+from ..passes.temporal import Previous, temporal
 from ..paths.camera import Camera
-from ..paths.primary_hit import PrimaryHit, no_primary_hit
+from ..paths.grid import grid_of
+from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hit
 from ..paths.settings import PathLimits
+from ..resampling.pairwise import PairEstimators, Sharing
 from ..resampling.reservoir import Reservoir, empty_reservoir
 from ..sampling.dither import Dither
+from ..sampling.streams import FrameKey
 from ..shifts.mapping import ShiftMapping
+from ..shifts.scope import Scope
 from .parameters import Parameters
 
 
@@ -44,19 +47,33 @@ class History:
 
 
 @dataclass
+class Setting:
+    """What both stages of a frame are given.
+
+    Fields: ``scene``, ``sensor`` (samples wavelengths; None where there are none), ``now`` (the
+    frame's primary hits), ``key``, ``dither`` (of the paths' first random numbers; None without).
+    """
+
+    scene: mi.Scene
+    sensor: mi.Sensor | None
+    now: Primary
+    key: FrameKey
+    dither: Dither | None
+
+
+@dataclass
 class Sampled:
     """A frame after temporal reuse.
 
-    Fields: ``reservoirs``, ``outcomes`` (list of ``UInt32``: outcomes of the temporal shifts),
-    ``matched`` (``Bool``: pixels that found their history), ``flow`` (``Vector2f``, previous minus
-    current film position [pixels]), ``colors`` (:class:`ColorHistory` at each pixel's previous
-    place; None without selection).
+    Fields: ``reservoirs``, ``outcomes`` (of the temporal shifts), ``matched`` (pixels that found
+    their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
+    pixel's previous place; None without selection).
     """
 
     reservoirs: Reservoir
-    outcomes: list[Any]
-    matched: Any
-    flow: Any
+    outcomes: list[mi.UInt32]
+    matched: mi.Bool
+    flow: mi.Vector2f
     colors: ColorHistory | None
 
 
@@ -64,17 +81,16 @@ class Sampled:
 class Frame:
     """A rendered frame.
 
-    Fields: ``color`` (``Color3f``), ``alpha`` (``Float``), ``auxiliary`` (list of ``Float``),
-    ``outcomes`` (of the temporal pass and of each spatial round, 3 bits a shift), ``matched``
-    (``Bool``: pixels that found their history), ``mutated`` (:class:`Mutated`, if there were
-    mutations), ``history`` (:class:`History`).
+    Fields: ``color``, ``alpha``, ``auxiliary`` (channels), ``outcomes`` (of the temporal pass and
+    of each spatial round, 3 bits a shift), ``matched`` (pixels that found their history),
+    ``mutated`` (None without mutations), ``history``.
     """
 
-    color: Any
-    alpha: Any
-    auxiliary: list[Any]
-    outcomes: list[Any]
-    matched: Any
+    color: mi.Color3f
+    alpha: mi.Float
+    auxiliary: list[mi.Float]
+    outcomes: list[list[mi.UInt32]]
+    matched: mi.Bool
     mutated: Mutated | None
     history: History
 
@@ -98,99 +114,80 @@ class Plan:
     width: int
     height: int
 
+    def scope(self, setting: Setting) -> Scope:
+        """The scope of a stage."""
+        return Scope(
+            setting.scene,
+            setting.sensor,
+            self.mapping,
+            self.limits,
+            grid_of(self.width, self.height),
+            setting.key,
+            setting.dither,
+        )
 
-def no_history(pixels: int, continued: bool, colors: bool) -> History:
-    """A history without paths, with the structure that later frames have.
+    def mutations(self) -> MutationPlan:
+        """How paths are mutated."""
+        parameters = self.parameters
+        return MutationPlan(
+            MoveReconnectionVertex(parameters.mutation_step),
+            parameters.mutations,
+            parameters.mutation_interval,
+            parameters.mutation_acceptance,
+            parameters.blue_noise_weight,
+        )
 
-    ``continued``: whether its paths carry the continuation that mutations need; ``colors``: whether
-    it has the colours that selection needs.
-    """
+
+def no_history(pixels: int, parameters: Parameters) -> History:
+    """A history without paths, with the structure that later frames have."""
     index = dr.zeros(mi.UInt32, pixels)
     history = History(
-        dr.gather(Reservoir, empty_reservoir(continued), index),
+        dr.gather(Reservoir, empty_reservoir(parameters.mutates), index),
         dr.gather(PrimaryHit, no_primary_hit(), index),
-        dr.gather(ColorHistory, no_color_history(), index) if colors else None,
+        dr.gather(ColorHistory, no_color_history(), index) if parameters.selects else None,
     )
     dr.make_opaque(history)
     return history
 
 
 def sample_paths(
-    plan: Plan,
-    scene: mi.Scene,
-    sensor: mi.Sensor | None,
-    now: Primary,
-    history: History,
-    camera: Camera | None,
-    sample: Any,
-    seed: Any,
-    spp: Any,
-    dither: Dither | None,
+    plan: Plan, setting: Setting, history: History, camera: Camera | None, spp: mi.UInt32
 ) -> Sampled:
     """First half of a frame: candidates and temporal reuse. The history is not needed after it.
 
     Parameters
     ----------
-    sensor : Sensor or None
-        Samples wavelengths; only spectral variants need it.
-    now : Primary
-        The frame's primary hits.
     history : History
         What the previous frame left.
     camera : Camera or None
         The previous frame's camera; None where the sensor's history cannot be followed.
-    sample, seed, spp : UInt32
-        Running number of the frame's first sample, the user's seed, candidate trees per pixel.
-    dither : Dither or None
-        Dithers the paths' first random numbers.
+    spp : UInt32
+        Candidate trees per pixel.
     """
-    parameters, mapping = plan.parameters, replace(plan.mapping, dither=dither)
-    reservoirs = initial(
-        scene, sensor, now.hit, sample, seed, spp, plan.limits, mapping, parameters.mutates
-    )
+    parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
+    reservoirs = initial(scope, now.hit, spp, parameters.mutates)
     dr.eval(reservoirs)
     if not parameters.temporal or camera is None:
-        nowhere = dr.zeros(mi.Bool, plan.width * plan.height)
-        colors = _colors_at(history, dr.zeros(mi.UInt32, plan.width * plan.height), nowhere)
-        return Sampled(reservoirs, [], nowhere, mi.Vector2f(0), colors)
+        pixels = scope.grid.size
+        nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
+        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, _colors_at(history, nowhere))
 
-    motion = reproject(now, history.hits, camera, _size(plan))
+    motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
     hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
     if parameters.retrace_history:
-        before = retrace(scene, sensor, before, hit_before, mapping, motion.valid)
+        before = retrace(scope, before, hit_before, motion.valid)
         dr.eval(before)
-    reservoirs, outcome = temporal(
-        scene,
-        sensor,
-        reservoirs,
-        now.hit,
-        before,
-        hit_before,
-        motion.valid,
-        parameters.confidence_cap,
-        sample,
-        seed,
-        mapping,
-    )
+    previous = Previous(before, hit_before, motion.valid)
+    reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
-    colors = _colors_at(history, motion.pixel, motion.valid)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors)
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, _colors_at(history, motion))
     dr.eval(sampled)
     return sampled
 
 
 def share_paths(
-    plan: Plan,
-    scene: mi.Scene,
-    sensor: mi.Sensor | None,
-    now: Primary,
-    sampled: Sampled,
-    layout: Any,
-    sample: Any,
-    seed: Any,
-    turn: Any,
-    dither: Dither | None,
+    plan: Plan, setting: Setting, sampled: Sampled, layout: Any, turn: mi.UInt32
 ) -> Frame:
     """Second half of a frame: mutations, spatial reuse and shading.
 
@@ -199,39 +196,15 @@ def share_paths(
     sampled : Sampled
         What the first half left.
     layout : Any
-        What the neighbours of spatial reuse are found with, see :data:`SAMPLING`.
+        What the strategy of ``neighbor_sampling`` finds neighbours with.
     turn : UInt32
         Running number of the frame; decides which pixels are mutated where not all are.
     """
-    parameters, mapping = plan.parameters, replace(plan.mapping, dither=dither)
+    parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
     reservoirs, outcomes = sampled.reservoirs, [sampled.outcomes]
     mutated = None
     if parameters.mutates:
-        size = (plan.width, plan.height)
-        steps = (parameters.mutations, parameters.mutation_step, sample, seed, mapping)
-        if parameters.prefers_energy:
-            reservoirs, mutated = mutate_by_rule(
-                scene,
-                sensor,
-                reservoirs,
-                now.hit,
-                size,
-                *steps,
-                parameters.blue_noise_weight,
-                parameters.updates_energy,
-            )
-        else:
-            reservoirs, mutated = decorrelate_alternating(
-                scene,
-                sensor,
-                reservoirs,
-                now.hit,
-                size,
-                parameters.mutation_interval,
-                turn,
-                *steps,
-                metropolis_hastings,
-            )
+        reservoirs, mutated = decorrelate(scope, reservoirs, now.hit, plan.mutations(), turn)
         dr.eval(reservoirs, mutated)
 
     kinds = [kind for _, kind in parameters.images]
@@ -239,52 +212,30 @@ def share_paths(
     dr.eval(moved)
 
     color = reservoir_color(reservoirs)
-    sampling = SAMPLING[parameters.neighbor_sampling]
-    pixels = Pixels(
-        scene, sensor, now.hit, plan.width, plan.height, parameters.spatial_neighbors, mapping
-    )
-    for round_index in range(parameters.spatial_rounds if parameters.spatial else 0):
-        round_number = dr.opaque(mi.UInt32, round_index)
-        reservoirs, color, pairs, shifts = spatial(
-            pixels, sampling, layout, reservoirs, round_number, sample, seed
-        )
-        outcomes.append(shifts)
-        dr.eval(reservoirs, color, pairs if parameters.selects else None)
+    estimators = PairEstimators([color], [mi.Bool(True)])
+    strategy = STRATEGIES[parameters.neighbor_sampling]
+    sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
+    for index in range(parameters.spatial_rounds if parameters.spatial else 0):
+        merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
+        reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
+        outcomes.append(merged.outcomes)
+        dr.eval(reservoirs, color, estimators if parameters.selects else None)
 
     colors = None
     if sampled.colors is not None:
-        size, before = _size(plan), sampled.colors
-        alike = similar_neighbors(now.hit, *size)
-        if parameters.retrace_history:
-            before = replace(before, color=clamped(before.color, color, alike, size[0]))
-        colors = remember(before, color)
-        dr.eval(colors, alike)
-        reference = colors.color
-        if parameters.retrace_history:
-            further = similar_neighbors(now.hit, *size, step=2)
-            reference = relit(reference, color, alike, further, size[0])
-        color = select(color, pairs, reference, alike, (plan.width, plan.height), sample, seed)
+        color, colors = select(
+            scope, now.hit, color, estimators, sampled.colors, parameters.retrace_history
+        )
 
     color += now.emitted
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
     dr.eval(color, extra)
-    return Frame(
-        color,
-        now.alpha,
-        extra,
-        outcomes,
-        sampled.matched,
-        mutated,
-        History(reservoirs, now.hit, colors),
-    )
+    history = History(reservoirs, now.hit, colors)
+    return Frame(color, now.alpha, extra, outcomes, sampled.matched, mutated, history)
 
 
-def _colors_at(history: History, pixel: Any, valid: Any) -> ColorHistory | None:
+def _colors_at(history: History, motion: Motion) -> ColorHistory | None:
     if history.colors is None:
         return None
-    return dr.gather(ColorHistory, history.colors, pixel, valid)
-
-
-def _size(plan: Plan) -> tuple[Any, Any]:
-    return dr.opaque(mi.UInt32, plan.width), dr.opaque(mi.UInt32, plan.height)
+    return dr.gather(ColorHistory, history.colors, motion.pixel, motion.valid)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ..passes.neighbors import SAMPLING
+from ..neighbors.strategies import STRATEGIES
+from ..passes.decorrelate import RULES
 from ..passes.shade import AOVS
 from ..paths.record import MAX_EDGES
 from .declaration import declarations, declared
@@ -43,7 +44,7 @@ class Parameters:
         blocks of 16 x 16 pixels (histogram stratification, after Salaün et al. 2025);
         ``geometry``, picks with good scores of the G-buffer (Junkins et al. 2026), at two shifts a
         neighbour.""",
-        choices=tuple(SAMPLING),
+        choices=tuple(STRATEGIES),
     )
     confidence_cap: float = declared(
         20.0,
@@ -90,7 +91,7 @@ class Parameters:
         mutations; ``energy_updated`` is an experiment that keeps them up to date, a sixteenth of
         the pixels moving at a time. Both need ``mutations`` of all pixels. What is shown of the
         result is the business of ``blue_noise``, and each goes with each.""",
-        choices=("metropolis", "energy", "energy_updated"),
+        choices=tuple(RULES),
         biased=lambda parameters: parameters.prefers_energy and parameters.blue_noise_weight > 0,
     )
     blue_noise: str = declared(
@@ -139,11 +140,6 @@ class Parameters:
     def prefers_energy(self) -> bool:
         """Whether mutations are accepted by the source document's rule."""
         return self.mutation_acceptance != "metropolis"
-
-    @property
-    def updates_energy(self) -> bool:
-        """Whether that rule sees what the neighbours have become."""
-        return self.mutation_acceptance == "energy_updated"
 
     @property
     def selects(self) -> bool:

@@ -9,18 +9,20 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..passes.neighbors import SAMPLING
+from ..neighbors.strategies import STRATEGIES
 from ..passes.primary import primary
 from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
+from ..paths.grid import grid_of
 from ..paths.settings import PathLimits
 from ..sampling.dither import Dither, mask_texture
 from ..sampling.masks import load_mask
+from ..sampling.streams import FrameKey
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import shift_mapping
 from .border import check_scene, check_sensor, check_variant
 from .declaration import page
-from .frame import Frame, History, Plan, no_history, sample_paths, share_paths
+from .frame import Frame, History, Plan, Setting, no_history, sample_paths, share_paths
 from .parameters import PARAMETERS, read_parameters
 from .recording import Stage, collection_paused
 from .statistics import mutation_shares, outcome_shares
@@ -120,39 +122,23 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         with dr.suspend_grad():
             self._prepare(scene, sensor)
             self._frame = None
-            sample, seed = dr.opaque(mi.UInt32, self._sample), mi.UInt32(seed)
-            dr.make_opaque(seed)
+            key = FrameKey(dr.opaque(mi.UInt32, self._sample), mi.UInt32(seed))
+            dr.make_opaque(key.seed)
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
             # The camera rays stay outside the frozen part: not every sensor of Mitsuba 3.9 exposes
             # all of its state to it.
-            now = primary(scene, sensor, sample, seed, skip_emitters)
+            grid = grid_of(*sensor.film().crop_size())
+            now = primary(scene, sensor, grid, key, skip_emitters)
             dr.eval(now)
-            spectral_sensor = sensor if mi.is_spectral else None
+            setting = Setting(scene, sensor if mi.is_spectral else None, now, key, self._dither)
             with collection_paused():
                 sampled = self._sample_paths(
-                    scene,
-                    spectral_sensor,
-                    now,
-                    self._history,
-                    self._camera,
-                    sample,
-                    seed,
-                    dr.opaque(mi.UInt32, spp),
-                    self._dither,
+                    setting, self._history, self._camera, dr.opaque(mi.UInt32, spp)
                 )
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None
-                frame = self._share_paths(
-                    scene,
-                    spectral_sensor,
-                    now,
-                    sampled,
-                    self._layout,
-                    sample,
-                    seed,
-                    dr.opaque(mi.UInt32, self._turn),
-                    self._dither,
-                )
+                turn = dr.opaque(mi.UInt32, self._turn)
+                frame = self._share_paths(setting, sampled, self._layout, turn)
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
@@ -210,11 +196,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         if scene is not self._scene or shape != self._shape:
             self._plan_frames(scene, sensor, shape)
         if self._history is None:
-            self._history = no_history(
-                width * height,
-                self.parameters.mutates,
-                self.parameters.selects,
-            )
+            self._history = no_history(width * height, self.parameters)
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
     def _plan_frames(self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]) -> None:
@@ -230,10 +212,10 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             )
         self.reset()
         self._scene, self._shape = scene, shape
-        sampling = SAMPLING[parameters.neighbor_sampling]
-        self._layout = sampling.layout(parameters.spatial_radius)
+        strategy = STRATEGIES[parameters.neighbor_sampling]
+        self._layout = strategy.layout(parameters.spatial_radius)
         dr.make_opaque(self._layout)
-        self._dither = _dither(shape[1]) if parameters.blue_noise_seeds else None
+        self._dither = _dither() if parameters.blue_noise_seeds else None
         self._plan = Plan(
             parameters,
             PathLimits(parameters.longest, parameters.rr_depth),
@@ -248,10 +230,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         film.prepare(self.aov_names())
         block = film.create_block()
         block.set_coalesce(False)
-        width, height = film.crop_size()
-        index = dr.arange(mi.UInt32, width * height)
-        y = index // dr.opaque(mi.UInt32, width)
-        x = index - y * width
+        grid = grid_of(*film.crop_size())
+        x, y = grid.place(grid.pixels())
         center = mi.Point2f(x, y) + 0.5 + mi.Vector2f(film.crop_offset())
         alpha = [frame.alpha] if mi.has_flag(film.flags(), mi.FilmFlags.Alpha) else []
         block.put(center, [*frame.color, *alpha, mi.Float(1), *frame.auxiliary])
@@ -259,9 +239,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         return film.develop()
 
 
-def _dither(width: int) -> Dither:
-    """Dithering of the candidates' numbers by the ready-made mask, for images of a width."""
-    dither = Dither(mask_texture(load_mask()), dr.opaque(mi.UInt32, width))
+def _dither() -> Dither:
+    """Dithering of the candidates' numbers by the ready-made mask."""
+    dither = Dither(mask_texture(load_mask()))
     dr.make_opaque(dither.mask.levels)
     return dither
 

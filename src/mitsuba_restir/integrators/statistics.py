@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
+import mitsuba as mi
 
-from ..passes.decorrelate import Mutated
-from ..shifts.mapping import OUTCOMES
-from ..shifts.pivot import CLASSES
+from ..mutations.chain import Mutated
+from ..mutations.pivot import MutationClass
+from ..shifts.mapping import Outcome
 
 
-def outcome_shares(packed: list[Any], shifts: int) -> dict[str, float]:
+def outcome_shares(packed: list[mi.UInt32], shifts: int) -> dict[str, float]:
     """Share of each outcome among ``shifts`` shifts per lane and array, packed 3 bits each."""
     counts = [
         sum(
@@ -19,20 +18,22 @@ def outcome_shares(packed: list[Any], shifts: int) -> dict[str, float]:
             for words in packed
             for i in range(shifts)
         )
-        for code in range(len(OUTCOMES))
+        for code in range(len(Outcome.names()))
     ]
-    tried = max(sum(counts) - counts[1], 1)
-    return {name: n / tried for name, n in zip(OUTCOMES, counts, strict=True) if name != "empty"}
+    tried = max(sum(counts) - counts[Outcome.EMPTY], 1)
+    named = zip(Outcome.names(), counts, strict=True)
+    return {name: n / tried for name, n in named if name != "empty"}
 
 
 def mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, float]]:
     """Share, acceptance rate, share of steps upwards and mean step of every class of path."""
+    names = MutationClass.names()
     kind, accepted = mutated.kind.numpy(), mutated.accepted.numpy()
     raised, lowered = mutated.raised.numpy(), mutated.lowered.numpy()
     angle = mutated.angle.numpy()
-    pixels = max(int((kind < len(CLASSES)).sum()), 1)
+    pixels = max(int((kind < len(names)).sum()), 1)
     shares = {}
-    for index, name in enumerate(CLASSES):
+    for index, name in enumerate(names):
         inside = kind == index
         steps = max(int(accepted[inside].sum()), 1)
         shares[name] = {

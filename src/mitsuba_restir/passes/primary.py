@@ -3,65 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.primary_hit import PrimaryHit
+from ..paths.grid import Grid
+from ..paths.primary_hit import Primary, PrimaryHit
 from ..paths.spectrum import response
 from ..paths.vertex import compact
-from ..sampling.streams import PRIMARY, WAVELENGTH, pass_stream, path_stream, uniform2
+from ..sampling.streams import WAVELENGTH, FrameKey, PathName, Purpose, uniform2
 from ..shifts.connectability import pixel_footprint
 
-
-@dataclass
-class Primary:
-    """What the camera sees directly.
-
-    Fields: ``hit`` (:class:`PrimaryHit`), ``emitted`` (``Color3f``, light seen directly), ``alpha``
-    (``Float``), ``film`` (``Point2f``, film position in the crop window's unit square), ``lens``
-    (``Point2f``, lens sample).
-    """
-
-    hit: PrimaryHit
-    emitted: Any
-    alpha: Any
-    film: Any
-    lens: Any
+SkipEmitters: TypeAlias = (
+    "Callable[[mi.Scene, mi.Ray3f, bool, mi.Bool], mi.PreliminaryIntersection3f]"
+)
+"""(scene, ray, coherent, active) -> the intersection past all area lights."""
 
 
 def primary(
     scene: mi.Scene,
     sensor: mi.Sensor,
-    sample: Any,
-    seed: Any,
-    skip_emitters: Callable[..., Any] | None,
+    grid: Grid,
+    key: FrameKey,
+    skip_emitters: SkipEmitters | None,
 ) -> Primary:
     """Trace the camera rays of a frame.
 
     Parameters
     ----------
-    sample, seed : UInt32
-        Running number of the frame's first sample and the user's seed (opaque).
     skip_emitters : callable or None
-        ``(scene, ray, coherent, active) -> PreliminaryIntersection3f`` past all area lights, which
-        hides directly visible lights; None shows them.
+        Hides directly visible lights; None shows them.
     """
-    columns, rows = sensor.film().crop_size()
-    width, height = dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows)
-    pixel = dr.arange(mi.UInt32, columns * rows)
-    choices = pass_stream(PRIMARY, pixel, sample, seed)
-    y = pixel // width
-    x = pixel - y * width
+    pixel = grid.pixels()
+    choices = key.stream(Purpose.PRIMARY, pixel)
+    x, y = grid.place(pixel)
     jitter = mi.Point2f(*uniform2(choices, 0, 0))
     lens = mi.Point2f(*uniform2(choices, 0, 1))
     time, lambda_sample = uniform2(choices, 0, 2)
-    film = (mi.Point2f(x, y) + jitter) / mi.Vector2f(width, height)
+    film = (mi.Point2f(x, y) + jitter) / mi.Vector2f(grid.width, grid.height)
     if mi.is_spectral:
         # The same wavelengths as the pixel's first path, so that their colours belong together.
-        lambda_sample = uniform2(path_stream(pixel, sample, seed), 0, WAVELENGTH)[0]
+        own = PathName(pixel, key.sample, key.seed)
+        lambda_sample = uniform2(own.stream(), 0, WAVELENGTH)[0]
     ray, weight = sensor.sample_ray(
         sensor.shutter_open() + time * sensor.shutter_open_time(), lambda_sample, film, lens
     )

@@ -16,21 +16,21 @@ pdfs, so materials must not change: reset the history then.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from ..paths import record as kinds
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import (
     Continuation,
+    Kind,
     PathRecord,
     edge_count,
     ends_by_nee,
     kind_of,
     next_kind_of,
     reconnection_index,
+    with_factor,
 )
 from ..paths.scattering import (
     along,
@@ -43,24 +43,13 @@ from ..paths.scattering import (
     sample_light,
     scatter,
 )
-from ..paths.spectrum import wavelengths
 from ..paths.vertex import compact, seen_from
 from ..resampling.reservoir import Reservoir
-from ..sampling.dither import Dither
-from ..sampling.streams import path_stream
 from ..shifts.hybrid import shift
-from ..shifts.mapping import ShiftMapping
-from .reuse import with_factor
+from ..shifts.scope import Scope
 
 
-def retrace(
-    scene: mi.Scene,
-    sensor: mi.Sensor,
-    history: Reservoir,
-    hit: PrimaryHit,
-    mapping: ShiftMapping,
-    active: Any,
-) -> Reservoir:
+def retrace(scope: Scope, history: Reservoir, hit: PrimaryHit, active: mi.Bool) -> Reservoir:
     """Evaluate the history's paths again in the current scene.
 
     Parameters
@@ -74,8 +63,8 @@ def retrace(
         The same paths in the current scene; weight 0 where a path no longer carries light.
     """
     active = active & (history.weight > 0)
-    path = _retrace_suffix(scene, sensor, history.path, hit, mapping.dither, active)
-    renewed = shift(scene, sensor, path, hit, mapping, active)
+    path = _retrace_suffix(scope, history.path, hit, active)
+    renewed = shift(scope, path, hit, active)
     return Reservoir(
         with_factor(path, renewed.factor),
         renewed.color,
@@ -85,20 +74,14 @@ def retrace(
 
 
 @dr.syntax
-def _retrace_suffix(
-    scene: mi.Scene,
-    sensor: mi.Sensor,
-    path: PathRecord,
-    hit: PrimaryHit,
-    dither: Dither | None,
-    active: Any,
-) -> PathRecord:
+def _retrace_suffix(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.Bool) -> PathRecord:
     """Trace everything after x_k again with the path's own numbers."""
-    stream = path_stream(path.pixel, path.sample, path.seed, dither)
-    lambdas, _ = wavelengths(sensor, stream)
+    scene = scope.scene
+    stream = scope.stream(path.name)
+    lambdas, _ = scope.wavelengths(stream)
     kind, k, d = kind_of(path), reconnection_index(path), edge_count(path)
     by_nee = ends_by_nee(path)
-    from_vertex = active & (kind >= kinds.FAR) & (kind <= kinds.HIT)
+    from_vertex = active & (kind >= Kind.FAR) & (kind <= Kind.HIT)
 
     # Where the geometry moved, a vertex of a mesh moves with it.
     ray_k, pi_k = seen_from(path.vertex, hit.vertex.p, lambdas)
@@ -107,22 +90,22 @@ def _retrace_suffix(
 
     # ------------------------------ light sampled from x_k --------------------------------------
 
-    sampled = from_vertex & (kind == kinds.NEE)
+    sampled = from_vertex & (kind == Kind.NEE)
     light = sample_light(scene, si_k, light_numbers(stream, k), True, sampled)
 
     # ------------------------------ light found along the stored direction ----------------------
 
-    to_environment = active & (kind == kinds.ENVIRONMENT)
+    to_environment = active & (kind == Kind.ENVIRONMENT)
     ray = si_k.spawn_ray(path.wo)
     pi = scene.ray_intersect_preliminary(ray, coherent=False, active=from_vertex & ~sampled)
     origin = dr.select(to_environment, hit.vertex.p, si_k.p)
     si = pi.compute_surface_interaction(ray)
-    found = to_environment | (from_vertex & (kind == kinds.HIT))
+    found = to_environment | (from_vertex & (kind == Kind.HIT))
     emitted, light_pdf = emission(scene, si, origin, found)
 
     # ------------------------------ longer suffixes ---------------------------------------------
 
-    walking = from_vertex & (kind == kinds.FAR) & pi.is_valid()
+    walking = from_vertex & (kind == Kind.FAR) & pi.is_valid()
     after = compact(pi, si.p)  # x_{k+1}
     after_wo = mi.Vector3f(path.wo)  # direction leaving it
     j = k + 1
@@ -169,7 +152,7 @@ def _retrace_suffix(
         bounce = scatter(si_j, bsdf, stream, j, walking)
         if isinstance(path.next, Continuation):
             # A mutation of x_k has changed what the random numbers of x_{k+1} would do.
-            kept = walking & first & (next_kind_of(path) != kinds.EMPTY)
+            kept = walking & first & (next_kind_of(path) != Kind.EMPTY)
             bounce = dr.select(kept, along(si_j, bsdf, path.next.wo, kept), bounce)
         throughput *= bounce.weight
         beyond = dr.select(first, mi.Spectrum(1), beyond * bounce.weight)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -20,18 +19,17 @@ from ..resampling.reservoir import Reservoir
 class Shown:
     """What a frame ends with, one lane per pixel.
 
-    Fields: ``hit``, ``flow`` (``Vector2f``, previous minus current film position [pixels]),
-    ``reservoirs`` (after spatial reuse), ``past`` (``Color3f``, the colour history with the light
-    seen directly).
+    Fields: ``hit``, ``flow`` (previous minus current film position [pixels]), ``reservoirs`` (after
+    spatial reuse), ``past`` (the colour history with the light seen directly).
     """
 
     hit: PrimaryHit
-    flow: Any
+    flow: mi.Vector2f
     reservoirs: Reservoir
-    past: Any
+    past: mi.Color3f
 
 
-def _nothing(*_: Any) -> list[Any]:
+def _nothing(*_: object) -> list[mi.Float]:
     return []
 
 
@@ -55,18 +53,18 @@ class Aov:
     """
 
     channels: Sequence[str]
-    shown: Callable[[Shown], Sequence[Any]] = _nothing
-    moved: Callable[[Reservoir, Reservoir], Sequence[Any]] = _nothing
+    shown: Callable[[Shown], Sequence[mi.Float]] = _nothing
+    moved: Callable[[Reservoir, Reservoir], Sequence[mi.Float]] = _nothing
     doc: str = ""
     selects: bool = False
 
 
-def reservoir_color(reservoir: Reservoir) -> Any:
-    """F W: the contribution of the selected path (``Color3f``)."""
+def reservoir_color(reservoir: Reservoir) -> mi.Color3f:
+    """F W: the contribution of the selected path."""
     return reservoir.color * reservoir.weight
 
 
-def mutation_luminances(before: Reservoir, after: Reservoir) -> list[Any]:
+def mutation_luminances(before: Reservoir, after: Reservoir) -> list[mi.Float]:
     """Luminance of F W before and after the mutations, and of the new F with the old W.
 
     The first two are equal, whatever the acceptance rule.
@@ -75,19 +73,19 @@ def mutation_luminances(before: Reservoir, after: Reservoir) -> list[Any]:
     return [target(path.color) * weight.weight for path, weight in pairs]
 
 
-def path_number(reservoir: Reservoir) -> Any:
-    """Identity of the selected path as a ``Float``; -1 where there is no path."""
+def path_number(reservoir: Reservoir) -> mi.Float:
+    """Identity of the selected path; -1 where there is no path."""
     return dr.select(reservoir.weight > 0, mi.Float(identity(reservoir.path)), -1)
 
 
-def _albedo(shown: Shown) -> Sequence[Any]:
+def _albedo(shown: Shown) -> Sequence[mi.Float]:
     ray, pi = camera_ray(shown.hit, dr.zeros(mi.Ray3f).wavelengths)
     si = pi.compute_surface_interaction(ray)
     albedo = si.bsdf().eval_diffuse_reflectance(si, si.is_valid())
     return albedo if len(albedo) == 3 else [albedo[0]] * 3
 
 
-def _depth(shown: Shown) -> Any:
+def _depth(shown: Shown) -> mi.Float:
     vertex = shown.hit.vertex
     return dr.select(exists(vertex), dr.norm(vertex.p - shown.hit.origin), 0)
 
@@ -126,12 +124,12 @@ AOVS = {
 """The types of auxiliary images."""
 
 
-def moved_images(kinds: Sequence[str], before: Reservoir, after: Reservoir) -> list[list[Any]]:
+def moved_images(kinds: Sequence[str], before: Reservoir, after: Reservoir) -> list[list[mi.Float]]:
     """Channels of each image that have to be taken before spatial reuse, as ``Float``."""
     return [[mi.Float(c) for c in AOVS[kind].moved(before, after)] for kind in kinds]
 
 
-def auxiliary(kinds: Sequence[str], moved: list[list[Any]], shown: Shown) -> list[Any]:
+def auxiliary(kinds: Sequence[str], moved: list[list[mi.Float]], shown: Shown) -> list[mi.Float]:
     """Channels of the requested auxiliary images, in order, one ``Float`` per channel.
 
     Parameters

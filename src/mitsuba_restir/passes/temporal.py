@@ -11,44 +11,48 @@ The confidence of a history is added even where its shift fails: it took part.
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
+from ..paths.record import with_factor
 from ..paths.spectrum import target
 from ..resampling.mis import density, share
-from ..resampling.reservoir import Reservoir, finalize, offer
-from ..sampling.streams import TEMPORAL, pass_stream, uniform
+from ..resampling.reservoir import Reservoir, Streaming, finalize, offer
+from ..sampling.streams import Purpose, uniform
 from ..shifts.hybrid import shift
-from ..shifts.mapping import ShiftMapping
-from .reuse import with_confidence, with_factor
+from ..shifts.scope import Scope
+
+
+@dataclass
+class Previous:
+    """The history at each pixel's previous place.
+
+    Fields: ``reservoirs``, ``hit``, ``valid`` (the history passed the G-buffer tests).
+    """
+
+    reservoirs: Reservoir
+    hit: PrimaryHit
+    valid: mi.Bool
+
+
+def capped(previous: Previous, current: Reservoir, cap: float) -> Reservoir:
+    """The history's reservoirs, their confidence at most ``cap`` times the current one."""
+    confidence = dr.minimum(previous.reservoirs.confidence, cap * current.confidence)
+    return replace(previous.reservoirs, confidence=dr.select(previous.valid, confidence, 0))
 
 
 def temporal(
-    scene: mi.Scene,
-    sensor: mi.Sensor,
-    current: Reservoir,
-    hit: PrimaryHit,
-    previous: Reservoir,
-    previous_hit: PrimaryHit,
-    valid: Any,
-    cap: Any,
-    sample: Any,
-    seed: Any,
-    mapping: ShiftMapping,
-) -> tuple[Reservoir, Any]:
+    scope: Scope, current: Reservoir, hit: PrimaryHit, previous: Previous, cap: float
+) -> tuple[Reservoir, mi.UInt32]:
     """Resample between this frame's reservoirs and their re-projected history.
 
     Parameters
     ----------
     current, hit : Reservoir, PrimaryHit
         This frame's candidates and primary hits.
-    previous, previous_hit : Reservoir, PrimaryHit
-        History, already gathered to the current pixels.
-    valid : Bool
-        Lanes whose history passed the G-buffer tests.
     cap : float
         Confidence cap as a multiple of the current confidence.
 
@@ -58,39 +62,33 @@ def temporal(
     outcomes : UInt32
         Outcomes of the two shifts (history to current, current to history), 3 bits each.
     """
-    previous = with_confidence(
-        previous,
-        dr.select(valid, dr.minimum(previous.confidence, cap * current.confidence), 0),
-    )
-    reusable = valid & (previous.weight > 0)
-    forward = shift(scene, sensor, previous.path, hit, mapping, reusable)
-    backward = shift(
-        scene, sensor, current.path, previous_hit, mapping, valid & (current.weight > 0)
-    )
+    history = capped(previous, current, cap)
+    reusable = previous.valid & (history.weight > 0)
+    forward = shift(scope, history.path, hit, reusable)
+    backward = shift(scope, current.path, previous.hit, previous.valid & (current.weight > 0))
 
     own = current.confidence * target(current.color)
-    m_current = share(own, density(previous.confidence, target(backward.color), backward.jacobian))
-    theirs = density(previous.confidence, target(previous.color), 1 / forward.jacobian)
-    m_previous = share(theirs, current.confidence * target(forward.color))
+    m_current = share(own, density(history.confidence, target(backward.color), backward.jacobian))
+    theirs = density(history.confidence, target(history.color), 1 / forward.jacobian)
+    m_history = share(theirs, current.confidence * target(forward.color))
 
-    pixel = dr.arange(mi.UInt32, dr.width(hit.vertex.p))
-    random = pass_stream(TEMPORAL, pixel, sample, seed)
-    merged = with_confidence(current, current.confidence + previous.confidence)
-    merged.weight = mi.Float(0)
-    merged = offer(
-        merged,
+    random = scope.key.stream(Purpose.TEMPORAL, scope.grid.pixels())
+    streaming = Streaming(current.path, current.color, mi.Float(0))
+    streaming = offer(
+        streaming,
         current.path,
         current.color,
         m_current * target(current.color) * current.weight,
         uniform(random, 0, 0),
         mi.Bool(True),
     )
-    merged = offer(
-        merged,
-        with_factor(previous.path, forward.factor),
+    streaming = offer(
+        streaming,
+        with_factor(history.path, forward.factor),
         forward.color,
-        m_previous * target(forward.color) * forward.jacobian * previous.weight,
+        m_history * target(forward.color) * forward.jacobian * history.weight,
         uniform(random, 1, 0),
         reusable,
     )
-    return finalize(merged, 1), forward.outcome | (backward.outcome << 3)
+    merged = finalize(streaming, 1, current.confidence + history.confidence)
+    return merged, forward.outcome | (backward.outcome << 3)

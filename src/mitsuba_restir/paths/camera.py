@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -16,16 +15,15 @@ REPROJECTABLE = ("PerspectiveCamera", "ThinLensCamera")
 class Camera:
     """A pinhole or thin-lens camera as plain data.
 
-    Fields: ``to_camera`` (``Matrix4f``, world to camera), ``to_sample`` (``Matrix4f``, camera to
-    the crop window's unit square), ``offset`` (``Vector2f``, principal point), ``aperture`` and
-    ``focus`` (``Float``; aperture 0 is a pinhole).
+    Fields: ``to_camera`` (from the world), ``to_sample`` (from the camera to the crop window's unit
+    square), ``offset`` (principal point), ``aperture`` and ``focus`` (aperture 0 is a pinhole).
     """
 
-    to_camera: Any
-    to_sample: Any
-    offset: Any
-    aperture: Any
-    focus: Any
+    to_camera: mi.Matrix4f
+    to_sample: mi.Matrix4f
+    offset: mi.Vector2f
+    aperture: mi.Float
+    focus: mi.Float
 
 
 def copy_camera(sensor: mi.Sensor) -> Camera:
@@ -55,7 +53,7 @@ def copy_camera(sensor: mi.Sensor) -> Camera:
     return camera
 
 
-def project(camera: Camera, p: Any, lens: Any) -> tuple[Any, Any]:
+def project(camera: Camera, p: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point2f, mi.Bool]:
     """Film position of a world point seen through one point of the lens.
 
     Parameters

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 
@@ -14,7 +12,7 @@ BITS = 24
 one with a probability of 2^-24."""
 
 
-def identity(path: PathRecord) -> Any:
+def identity(path: PathRecord) -> mi.UInt32:
     """Hash of what names a path, whatever pixel has it (``UInt32`` below 2^24).
 
     These are its stream (pixel, sample, seed), its shape (kind, technique, k, d), and what a
@@ -22,7 +20,7 @@ def identity(path: PathRecord) -> Any:
     sampled the light. Factors that depend on the pixel do not count.
     """
     moved = [dr.reinterpret_array(mi.UInt32, x) for x in (*path.vertex.p, *path.wo)]
-    a, b = mi.UInt32(path.pixel), mi.UInt32(path.sample)
-    for word in (path.seed, path.info, *moved):
+    a, b = mi.UInt32(path.name.pixel), mi.UInt32(path.name.sample)
+    for word in (path.name.seed, path.info, *moved):
         a, b = mi.sample_tea_32(a ^ word, b)
     return a >> (32 - BITS)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -15,15 +14,30 @@ from .vertex import Vertex, no_vertex, seen_from
 class PrimaryHit:
     """G-buffer entry (64 bytes a pixel).
 
-    Fields: ``vertex`` (x_1; null shape where the camera ray escapes), ``origin`` (``Point3f``, x_0,
-    the lens point), ``normal`` (``Normal3f``, shading normal), ``footprint`` (``Float``, the
-    pixel's footprint at x_1, see :func:`mitsuba_restir.shifts.connectability.pixel_footprint`).
+    Fields: ``vertex`` (x_1; null shape where the camera ray escapes), ``origin`` (x_0, the lens
+    point), ``normal`` (shading normal), ``footprint`` (the pixel's footprint at x_1, see
+    :func:`mitsuba_restir.shifts.connectability.pixel_footprint`).
     """
 
     vertex: Vertex
-    origin: Any
-    normal: Any
-    footprint: Any
+    origin: mi.Point3f
+    normal: mi.Normal3f
+    footprint: mi.Float
+
+
+@dataclass
+class Primary:
+    """What the camera sees directly.
+
+    Fields: ``hit``, ``emitted`` (light seen directly), ``alpha``, ``film`` (film position in the
+    crop window's unit square), ``lens`` (lens sample).
+    """
+
+    hit: PrimaryHit
+    emitted: mi.Color3f
+    alpha: mi.Float
+    film: mi.Point2f
+    lens: mi.Point2f
 
 
 def no_primary_hit() -> PrimaryHit:
@@ -31,6 +45,8 @@ def no_primary_hit() -> PrimaryHit:
     return PrimaryHit(no_vertex(), dr.zeros(mi.Point3f), dr.zeros(mi.Normal3f), mi.Float(0))
 
 
-def camera_ray(hit: PrimaryHit, lambdas: Any) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
+def camera_ray(
+    hit: PrimaryHit, lambdas: mi.Spectrum
+) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
     """The ray x_0 -> x_1 and its intersection, rebuilt without tracing."""
     return seen_from(hit.vertex, hit.origin, lambdas)

@@ -6,23 +6,28 @@ prefix, its reconnection vertex x_k, the direction leaving it, and the light arr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.codes import Codes
+from ..sampling.streams import PathName
 from .vertex import Vertex, no_vertex
 
-# How a path ends relative to its reconnection vertex x_k.
-EMPTY = 0  # no path
-REPLAY_NEE = 1  # no x_k; the light is sampled from the last replayed vertex
-REPLAY_HIT = 2  # no x_k; the last replayed bounce finds the light
-FAR = 3  # the light is two or more vertices after x_k
-NEE = 4  # the light is sampled from x_k
-HIT = 5  # the bounce from x_k finds the light
-LIGHT = 6  # x_k is itself on a light, found by a bounce
-ENVIRONMENT = 7  # x_k is the environment, found by a bounce
+
+class Kind(Codes):
+    """How a path ends relative to its reconnection vertex x_k."""
+
+    EMPTY = 0  # no path
+    REPLAY_NEE = 1  # no x_k; the light is sampled from the last replayed vertex
+    REPLAY_HIT = 2  # no x_k; the last replayed bounce finds the light
+    FAR = 3  # the light is two or more vertices after x_k
+    NEE = 4  # the light is sampled from x_k
+    HIT = 5  # the bounce from x_k finds the light
+    LIGHT = 6  # x_k is itself on a light, found by a bounce
+    ENVIRONMENT = 7  # x_k is the environment, found by a bounce
+
 
 MAX_EDGES = 0xFFF
 """Longest path that a record can describe (12 bits)."""
@@ -43,36 +48,34 @@ class Continuation:
     """
 
     vertex: Vertex
-    wo: Any
-    radiance: Any
-    light_pdf: Any
+    wo: mi.Vector3f
+    radiance: mi.Spectrum
+    light_pdf: mi.Float
 
 
 @dataclass
 class PathRecord:
     """A path that can be replayed or reconnected, one per lane.
 
-    Fields: ``pixel``, ``sample``, ``seed`` (``UInt32``) name the prefix's stream. ``info`` packs
-    kind, technique, k and d. ``vertex`` is x_k, ``wo`` (``Vector3f``, world) the direction that
-    leaves it (for ``ENVIRONMENT`` the one that leaves x_{k-1}). ``radiance`` (``Spectrum``) is the
-    light arriving along ``wo``: the suffix's throughput and MIS weight are part of it for ``FAR``,
-    emission alone for ``HIT`` and ``ENVIRONMENT``, emission over the light pdf for ``NEE``; unused
-    for ``LIGHT``, whose emission depends on the direction. ``light_pdf`` [1/sr] is the MIS partner
-    of ``NEE``, ``HIT`` and ``ENVIRONMENT``; 0 stands for a light that only one technique can find.
-    ``jacobian`` is this path's own factor p_{k-1} G p_k of the reconnection Jacobian. A
-    ``REPLAY_NEE`` path has no ``wo``; the two numbers that sampled its light are kept there.
+    Fields: ``name`` names the prefix's stream. ``info`` packs kind, technique, k and d. ``vertex``
+    is x_k, ``wo`` (world) the direction that leaves it (for ``ENVIRONMENT`` the one that leaves
+    x_{k-1}). ``radiance`` is the light arriving along ``wo``: the suffix's throughput and MIS
+    weight are part of it for ``FAR``, emission alone for ``HIT`` and ``ENVIRONMENT``, emission over
+    the light pdf for ``NEE``; unused for ``LIGHT``, whose emission depends on the direction.
+    ``light_pdf`` [1/sr] is the MIS partner of ``NEE``, ``HIT`` and ``ENVIRONMENT``; 0 stands for a
+    light that only one technique can find. ``factor`` is p_{k-1} G p_k, this path's own part of the
+    reconnection Jacobian. A ``REPLAY_NEE`` path has no ``wo``; the two numbers that sampled its
+    light are kept there.
     ``next`` (:class:`Continuation`) is :class:`Absent` where paths are never mutated.
     """
 
-    pixel: Any
-    sample: Any
-    seed: Any
-    info: Any
+    name: PathName
+    info: mi.UInt32
     vertex: Vertex
-    wo: Any
-    radiance: Any
-    light_pdf: Any
-    jacobian: Any
+    wo: mi.Vector3f
+    radiance: mi.Spectrum
+    light_pdf: mi.Float
+    factor: mi.Float
     next: Continuation | Absent
 
 
@@ -82,11 +85,9 @@ def no_continuation() -> Continuation:
 
 
 def empty_record(continued: bool) -> PathRecord:
-    """The record of no path (kind ``EMPTY``), with room for a continuation if ``continued``."""
+    """The record of no path (``Kind.EMPTY``), with room for a continuation if ``continued``."""
     return PathRecord(
-        mi.UInt32(0),
-        mi.UInt32(0),
-        mi.UInt32(0),
+        PathName(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)),
         mi.UInt32(0),
         no_vertex(),
         dr.zeros(mi.Vector3f),
@@ -97,38 +98,45 @@ def empty_record(continued: bool) -> PathRecord:
     )
 
 
-def pack_info(kind: Any, by_nee: Any, k: Any, edges: Any, next_kind: Any) -> Any:
+def pack_info(
+    kind: mi.UInt32, by_nee: mi.Bool | bool, k: mi.UInt32, edges: mi.UInt32, next_kind: mi.UInt32
+) -> mi.UInt32:
     """Pack kind (3 bits), "ends by NEE" (1), k (12), edges d (12) and the next kind (3)."""
     nee_bit = dr.select(by_nee, mi.UInt32(8), 0)
     return mi.UInt32(kind) | nee_bit | (k << 4) | (edges << 16) | (mi.UInt32(next_kind) << 28)
 
 
-def kind_of(record: PathRecord) -> Any:
-    """Kind of the path (``UInt32``, one of the module's constants)."""
+def kind_of(record: PathRecord) -> mi.UInt32:
+    """Kind of the path (a member of :class:`Kind`)."""
     return record.info & 7
 
 
-def ends_by_nee(record: PathRecord) -> Any:
+def ends_by_nee(record: PathRecord) -> mi.Bool:
     """Lanes whose light vertex was sampled from the lights rather than found by a bounce."""
     return (record.info & 8) != 0
 
 
-def reconnection_index(record: PathRecord) -> Any:
+def reconnection_index(record: PathRecord) -> mi.UInt32:
     """Index k of the reconnection vertex, 0 where the path has none."""
     return (record.info >> 4) & MAX_EDGES
 
 
-def edge_count(record: PathRecord) -> Any:
+def edge_count(record: PathRecord) -> mi.UInt32:
     """Number of edges d, the depth in Mitsuba's sense (1 is directly visible emission)."""
     return (record.info >> 16) & MAX_EDGES
 
 
-def next_kind_of(record: PathRecord) -> Any:
+def next_kind_of(record: PathRecord) -> mi.UInt32:
     """Kind of a ``FAR`` path as seen from x_{k+1}: ``FAR``, ``NEE`` or ``HIT``.
 
     ``EMPTY`` where x_{k+1} scatters by a delta lobe, so that the direction leaving it is not free.
     """
     return record.info >> 28
+
+
+def with_factor(path: PathRecord, factor: mi.Float) -> PathRecord:
+    """The path as seen from the pixel it was shifted to: the same record, its own p G p."""
+    return replace(path, factor=factor)
 
 
 def continuation_of(record: PathRecord) -> Continuation:

@@ -11,7 +11,6 @@ delta (or null) direction keeps the weight that ``bsdf.sample`` returned.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -26,12 +25,12 @@ class Scattered:
     ``roulette`` is the block's spare uniform number, used for Russian roulette.
     """
 
-    wo: Any
-    weight: Any
-    pdf: Any
-    delta: Any
-    eta: Any
-    roulette: Any
+    wo: mi.Vector3f
+    weight: mi.Spectrum
+    pdf: mi.Float
+    delta: mi.Bool
+    eta: mi.Float
+    roulette: mi.Float
 
 
 @dataclass
@@ -41,16 +40,20 @@ class LightSample:
     ``weight`` is emitted radiance over pdf, without visibility unless it was asked for.
     """
 
-    d: Any
-    p: Any
-    pdf: Any
-    delta: Any
-    weight: Any
-    valid: Any
+    d: mi.Vector3f
+    p: mi.Point3f
+    pdf: mi.Float
+    delta: mi.Bool
+    weight: mi.Spectrum
+    valid: mi.Bool
 
 
 def scatter(
-    si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, stream: streams.Stream, vertex: Any, active: Any
+    si: mi.SurfaceInteraction3f,
+    bsdf: mi.BSDFPtr,
+    stream: streams.Stream,
+    vertex: mi.UInt32,
+    active: mi.Bool,
 ) -> Scattered:
     """Sample the direction that the path ``stream`` takes at its ``vertex``-th vertex ``si``."""
     context = mi.BSDFContext()
@@ -75,9 +78,9 @@ def scatter(
 def sample_light(
     scene: mi.Scene,
     si: mi.SurfaceInteraction3f,
-    u: Any,
+    u: mi.Point2f,
     test_visibility: bool,
-    active: Any,
+    active: mi.Bool,
 ) -> LightSample:
     """Sample a light from ``si`` with the two numbers ``u``; the same numbers repeat the sample."""
     ds, weight = scene.sample_emitter_direction(si, u, test_visibility, active)
@@ -85,33 +88,35 @@ def sample_light(
     return LightSample(ds.d, ds.p, ds.pdf, ds.delta, weight, valid)
 
 
-def light_numbers(stream: streams.Stream, vertex: Any) -> Any:
-    """The numbers (``Point2f``) with which a path samples a light from its ``vertex``-th vertex."""
+def light_numbers(stream: streams.Stream, vertex: mi.UInt32) -> mi.Point2f:
+    """The numbers with which a path samples a light from its ``vertex``-th vertex."""
     return mi.Point2f(*streams.uniform2(stream, vertex, streams.LIGHT))
 
 
 def evaluate(
-    si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, direction: Any, active: Any
-) -> tuple[Any, Any]:
+    si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, direction: mi.Vector3f, active: mi.Bool
+) -> tuple[mi.Spectrum, mi.Float]:
     """BSDF times cosine and its sampling pdf [1/sr] for a world-space ``direction``."""
     return bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(direction), active)
 
 
-def along(si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, direction: Any, active: Any) -> Scattered:
+def along(
+    si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, direction: mi.Vector3f, active: mi.Bool
+) -> Scattered:
     """The bounce along a given world-space ``direction``, as if it had been sampled."""
     value, pdf = evaluate(si, bsdf, direction, active)
     weight = dr.select(pdf > 0, value / pdf, mi.Spectrum(0))
     return Scattered(direction, weight, pdf, mi.Bool(False), mi.Float(1), mi.Float(0))
 
 
-def can_connect(bsdf: mi.BSDFPtr) -> Any:
+def can_connect(bsdf: mi.BSDFPtr) -> mi.Bool:
     """Lanes whose BSDF has anything but delta lobes."""
     return mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
 
 
 def emission(
-    scene: mi.Scene, si: mi.SurfaceInteraction3f, origin: Any, active: Any
-) -> tuple[Any, Any]:
+    scene: mi.Scene, si: mi.SurfaceInteraction3f, origin: mi.Point3f, active: mi.Bool
+) -> tuple[mi.Spectrum, mi.Float]:
     """Radiance that a ray from the point ``origin`` receives at ``si``, and its light-sampling pdf.
 
     Returns
@@ -130,12 +135,12 @@ def emission(
     return radiance, scene.pdf_emitter_direction(reference, ds, active)
 
 
-def balance(pdf: Any, other: Any) -> Any:
+def balance(pdf: mi.Float, other: mi.Float) -> mi.Float:
     """Balance heuristic (Veach 1997) of the technique with density ``pdf``; 0 where both vanish."""
     total = pdf + other
     return dr.select(total > 0, pdf / total, 0)
 
 
-def nee_weight(light_pdf: Any, scatter_pdf: Any) -> Any:
+def nee_weight(light_pdf: mi.Float, scatter_pdf: mi.Float) -> mi.Float:
     """MIS weight of a light sample; ``light_pdf`` 0 marks a delta light (weight 1)."""
     return dr.select(light_pdf > 0, balance(light_pdf, scatter_pdf), 1)

@@ -7,15 +7,13 @@ and a shifted path is evaluated at the wavelengths of its source (Jacobian 1).
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 
 from ..sampling import streams
 
 
-def wavelengths(sensor: mi.Sensor, stream: streams.Stream) -> tuple[Any, Any]:
+def wavelengths(sensor: mi.Sensor, stream: streams.Stream) -> tuple[mi.Spectrum, mi.Spectrum]:
     """Wavelengths [nm] of a path and the weight of having sampled them (both per lane)."""
     if not mi.is_spectral:
         return dr.zeros(mi.Color0f), mi.Spectrum(1.0)
@@ -23,8 +21,8 @@ def wavelengths(sensor: mi.Sensor, stream: streams.Stream) -> tuple[Any, Any]:
     return sensor.sample_wavelengths(dr.zeros(mi.SurfaceInteraction3f), u)
 
 
-def response(value: Any, lambdas: Any) -> Any:
-    """Sensor response (linear sRGB, ``Color3f``) to a spectral value."""
+def response(value: mi.Spectrum, lambdas: mi.Spectrum) -> mi.Color3f:
+    """Sensor response (linear sRGB) to a spectral value."""
     if mi.is_spectral:
         return mi.spectrum_to_srgb(value, lambdas)
     if mi.is_monochromatic:
@@ -32,6 +30,6 @@ def response(value: Any, lambdas: Any) -> Any:
     return mi.Color3f(value)
 
 
-def target(color: Any) -> Any:
+def target(color: mi.Color3f) -> mi.Float:
     """Target function p-hat: the luminance of a path's integrand (visibility included)."""
     return mi.luminance(color)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -13,20 +12,20 @@ import mitsuba as mi
 class Vertex:
     """A surface point as (position, shape, primitive, surface coordinates), one per lane.
 
-    Fields: ``p`` (``Point3f``, world), ``uv`` (``Point2f``, primitive coordinates), ``prim`` and
-    ``index`` (``UInt32``, primitive and shape index), ``shape`` and ``instance`` (``ShapePtr``).
+    Fields: ``p`` (world), ``uv`` (coordinates in the primitive), ``prim`` and ``index`` (of the
+    primitive and the shape), ``shape`` and ``instance``.
     A vertex without shape and instance is nowhere.
     """
 
-    p: Any
-    uv: Any
-    prim: Any
-    index: Any
-    shape: Any
-    instance: Any
+    p: mi.Point3f
+    uv: mi.Point2f
+    prim: mi.UInt32
+    index: mi.UInt32
+    shape: mi.ShapePtr
+    instance: mi.ShapePtr
 
 
-def compact(pi: mi.PreliminaryIntersection3f, p: Any) -> Vertex:
+def compact(pi: mi.PreliminaryIntersection3f, p: mi.Point3f) -> Vertex:
     """Compact form of an intersection ``pi`` whose surface point is ``p``."""
     return Vertex(
         mi.Point3f(p),
@@ -50,13 +49,13 @@ def no_vertex() -> Vertex:
     )
 
 
-def exists(vertex: Vertex) -> Any:
+def exists(vertex: Vertex) -> mi.Bool:
     """Lanes whose vertex is on a surface (``Bool``); an instanced one has only an instance."""
     return (vertex.shape != None) | (vertex.instance != None)  # noqa: E711  (element-wise)
 
 
 def seen_from(
-    vertex: Vertex, origin: Any, lambdas: Any
+    vertex: Vertex, origin: mi.Point3f, lambdas: mi.Spectrum
 ) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
     """The ray from ``origin`` to the vertex and the intersection that it would have found.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -16,25 +15,47 @@ from ..paths.spectrum import target
 class Reservoir:
     """A resampled path.
 
-    Fields: ``path`` (:class:`PathRecord`), ``color`` (``Color3f``: the integrand F of the path in
-    this pixel's primary sample space), ``weight`` (``Float``: the unbiased contribution weight W;
-    while streaming the running sum of resampling weights), ``confidence`` (``Float``: M).
+    Fields: ``path``, ``color`` (the integrand F of the path in this pixel's primary sample space),
+    ``weight`` (the unbiased contribution weight W), ``confidence`` (the confidence weight M).
     """
 
     path: PathRecord
-    color: Any
-    weight: Any
-    confidence: Any
+    color: mi.Color3f
+    weight: mi.Float
+    confidence: mi.Float
+
+
+@dataclass
+class Streaming:
+    """A reservoir that candidates are still streamed through.
+
+    Fields: ``path`` and ``color`` as in :class:`Reservoir`, ``total`` (the sum of the resampling
+    weights so far).
+    """
+
+    path: PathRecord
+    color: mi.Color3f
+    total: mi.Float
 
 
 def empty_reservoir(continued: bool) -> Reservoir:
-    """A reservoir that has seen nothing; ``continued`` as in :func:`empty_record`."""
+    """The reservoir of a pixel without a path; ``continued`` as in :func:`empty_record`."""
     return Reservoir(empty_record(continued), mi.Color3f(0), mi.Float(0), mi.Float(0))
 
 
+def empty_streaming(continued: bool) -> Streaming:
+    """A reservoir that has seen nothing; ``continued`` as in :func:`empty_record`."""
+    return Streaming(empty_record(continued), mi.Color3f(0), mi.Float(0))
+
+
 def offer(
-    reservoir: Reservoir, path: PathRecord, color: Any, weight: Any, u: Any, active: Any
-) -> Reservoir:
+    streaming: Streaming,
+    path: PathRecord,
+    color: mi.Color3f,
+    weight: mi.Float,
+    u: mi.Float,
+    active: mi.Bool,
+) -> Streaming:
     """Stream one candidate through the reservoir (weighted reservoir sampling, Chao 1982).
 
     Parameters
@@ -47,18 +68,15 @@ def offer(
         Uniform number from a stream that no path uses.
     """
     weight = dr.select(active & (weight > 0), weight, 0)
-    total = reservoir.weight + weight
+    total = streaming.total + weight
     take = u * total < weight
-    return Reservoir(
-        dr.select(take, path, reservoir.path),
-        dr.select(take, color, reservoir.color),
-        total,
-        reservoir.confidence,
+    return Streaming(
+        dr.select(take, path, streaming.path), dr.select(take, color, streaming.color), total
     )
 
 
-def finalize(reservoir: Reservoir, count: Any) -> Reservoir:
-    """Turn the running sum into the unbiased contribution weight W = sum w / (count p-hat)."""
-    selected = target(reservoir.color)
-    weight = dr.select(selected > 0, reservoir.weight / (count * selected), 0)
-    return Reservoir(reservoir.path, reservoir.color, weight, reservoir.confidence)
+def finalize(streaming: Streaming, count: mi.Float | int, confidence: mi.Float) -> Reservoir:
+    """Turn the sum into the unbiased contribution weight W = sum w / (count p-hat)."""
+    selected = target(streaming.color)
+    weight = dr.select(selected > 0, streaming.total / (count * selected), 0)
+    return Reservoir(streaming.path, streaming.color, weight, confidence)

@@ -17,14 +17,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
-from .streams import DIRECTION, LIGHT, LOBE, Stream
+from .streams import DIRECTION, LIGHT, LOBE, PathName, Stream
 
 _ROUNDS = 4
 _OFFSETS = 0x5851F42D  # keeps the offsets' hashes apart from those of paths and passes
@@ -57,10 +56,10 @@ class MaskTexture:
         log2 of the side n.
     """
 
-    levels: Any
+    levels: mi.UInt32
     bits: int
 
-    def level(self, x: Any, y: Any, key: Any) -> Any:
+    def level(self, x: mi.UInt32, y: mi.UInt32, key: mi.UInt32) -> mi.UInt32:
         """Level (``UInt32``) at pixel (x, y), moved by a toroidal offset: 16 bits of ``key`` each.
 
         Parameters
@@ -103,10 +102,10 @@ class DitheredStream(Stream):
     dimensions without jitter; ``cell_bits`` (int) is the log2 of the number of cells.
     """
 
-    dithered: Any
+    dithered: tuple[tuple[mi.UInt32, ...], ...]
     cell_bits: int
 
-    def words(self, vertex: Any, block: int) -> tuple[Any, Any]:
+    def words(self, vertex: mi.UInt32 | int, block: int) -> tuple[mi.UInt32, mi.UInt32]:
         """The two 32-bit words of one block of one vertex (see ``streams.uniform2``)."""
         hashed = super().words(vertex, block)
         result = list(hashed)
@@ -127,14 +126,11 @@ class Dither:
     ----------
     mask : MaskTexture
         Blue noise, or white noise for comparison.
-    width : UInt32
-        Width in pixels of the image that the pixel indices of path records count in (opaque).
     vertices : int
         How many vertices are dithered, from the primary hit on: 1 or 2.
     """
 
     mask: MaskTexture
-    width: Any
     vertices: int = 1
 
     def __post_init__(self) -> None:
@@ -143,15 +139,13 @@ class Dither:
                 f"The number of dithered vertices is 1 to {MAX_VERTICES}, not {self.vertices}."
             )
 
-    def stream(self, hashed: Stream, pixel: Any, sample: Any, seed: Any) -> DitheredStream:
-        """Dither the stream of the path ``(pixel, sample, seed)``.
+    def stream(self, name: PathName, x: mi.UInt32, y: mi.UInt32) -> DitheredStream:
+        """Dither the stream of the path ``name``, whose source pixel is in column x and row y.
 
         The mask is read here, once per path and not in the loop over its vertices, which can only
         hold arrays of one entry per path.
         """
-        pixel, sample, seed = mi.UInt32(pixel), mi.UInt32(sample), mi.UInt32(seed)
-        y = pixel // self.width
-        x = pixel - y * self.width
+        hashed, sample, seed = name.stream(), mi.UInt32(name.sample), mi.UInt32(name.seed)
         alphas = iter(_ALPHAS)
         dithered = []
         for vertex in range(1, self.vertices + 1):

@@ -8,7 +8,6 @@ toroidal offset and reflection of it, so the choice of neighbours is independent
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -28,9 +27,9 @@ class PairingTile:
     ``size`` (``UInt32``, side length).
     """
 
-    dx: Any
-    dy: Any
-    size: Any
+    dx: mi.Int32
+    dy: mi.Int32
+    size: mi.UInt32
 
 
 def pair_offsets(radius: float, size: int) -> np.ndarray:
@@ -86,10 +85,10 @@ def pairing_tile(radius: float) -> PairingTile:
     return tile
 
 
-def partner(
-    tile: PairingTile, choices: Stream, index: Any, pixel: Any, size: tuple[Any, Any]
-) -> tuple[Any, Any]:
-    """The pixel's partner in the ``index``-th pairing.
+def partner_offset(
+    tile: PairingTile, choices: Stream, index: mi.UInt32, x: mi.UInt32, y: mi.UInt32
+) -> tuple[mi.Int32, mi.Int32]:
+    """Offset (columns, rows) from a place to its partner, in a plane that the tile covers.
 
     Parameters
     ----------
@@ -97,36 +96,6 @@ def partner(
         Stream that is the same for all pixels: it draws the tile's offset and reflection.
     index : UInt32
         Number of the pairing.
-    pixel : UInt32
-        Row-major pixel index.
-    size : (UInt32, UInt32)
-        Width and height of the image.
-
-    Returns
-    -------
-    other : UInt32
-        Row-major index of the partner (the pixel itself where there is none).
-    inside : Bool
-        Whether there is a partner and it lies in the image.
-    """
-    width, height = size
-    y = pixel // width
-    x = pixel - y * width
-    along, across = partner_offset(tile, choices, index, x, y)
-    nx = mi.Int32(x) + along
-    ny = mi.Int32(y) + across
-    inside = (nx >= 0) & (ny >= 0) & (nx < mi.Int32(width)) & (ny < mi.Int32(height))
-    inside &= (along != 0) | (across != 0)
-    return dr.select(inside, mi.UInt32(ny * mi.Int32(width) + nx), pixel), inside
-
-
-def partner_offset(
-    tile: PairingTile, choices: Stream, index: Any, x: Any, y: Any
-) -> tuple[Any, Any]:
-    """Offset (columns, rows) from a place to its partner, in a plane that the tile covers.
-
-    Parameters
-    ----------
     x, y : UInt32
         Column and row; a place left of or above the image is counted modulo 2^32.
 

@@ -1,19 +1,17 @@
-"""Counter-based random numbers: every number is a hash of its purpose, so paths can be replayed.
+"""Counter-based random numbers: u = hash(name, vertex, dimension), without any state to keep.
 
-A path is named by ``(pixel, sample, seed)`` and draws its numbers by ``(vertex, block)``. Nothing
-is consumed in order, so a replay may skip a number without shifting those that follow. The
-generator is Mitsuba's TEA hash (Zafar, Olano and Curtis 2010): two 32-bit words per call.
+A stream is named by three words and draws its numbers by ``(vertex, block)``. Nothing is consumed
+in order, so a replay may skip a number without shifting those that follow. The generator is
+Mitsuba's TEA hash (Zafar, Olano and Curtis 2010): two 32-bit words per call.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
 
-if TYPE_CHECKING:
-    from .dither import Dither
+from .codes import Codes
 
 LOBE, DIRECTION, LIGHT = 0, 1, 2
 """Blocks of two numbers that a path vertex owns: (lobe, roulette), direction, light sample."""
@@ -24,49 +22,75 @@ WAVELENGTH = 3
 _BLOCKS = 4
 _ROUNDS = 4
 
-# Domain separators, so that two passes never read the same numbers.
-PRIMARY, INITIAL, TEMPORAL, SPATIAL, NEIGHBORS, MUTATION, SELECTION = 1, 2, 3, 4, 5, 6, 7
+
+class Purpose(Codes):
+    """What a pass draws numbers for: two purposes never read the same numbers, nor do paths."""
+
+    PATHS = 0  # the paths' own
+    PRIMARY = 1  # sub-pixel positions, lens points, time
+    INITIAL = 2  # which candidate stays
+    TEMPORAL = 3  # whether the history's path replaces it
+    SPATIAL = 4  # which neighbour's path replaces it
+    NEIGHBORS = 5  # who the neighbours are
+    MUTATION = 6  # proposals and their acceptance
+    SELECTION = 7  # the order in which pixels choose what they show
 
 
 @dataclass
 class Stream:
-    """State of a counter-based stream: two hashed words per lane (``UInt32``)."""
+    """State of a counter-based stream: two hashed words per lane."""
 
-    x: Any
-    y: Any
+    x: mi.UInt32
+    y: mi.UInt32
 
-    def words(self, vertex: Any, block: int) -> tuple[Any, Any]:
+    def words(self, vertex: mi.UInt32 | int, block: int) -> tuple[mi.UInt32, mi.UInt32]:
         """The two 32-bit words of one block of one vertex (see :func:`uniform2`)."""
         counter = mi.UInt32(vertex) * _BLOCKS + block
         # The odd multiplier (2^32 / golden ratio) spreads neighbouring counters over the word.
         return mi.sample_tea_32(self.x + counter * 0x9E3779B9, self.y, _ROUNDS)
 
 
-def path_stream(pixel: Any, sample: Any, seed: Any, dither: Dither | None = None) -> Stream:
-    """Primary-sample stream of a path.
+@dataclass
+class PathName:
+    """What names a path's stream, as its record stores it.
 
-    Parameters
-    ----------
-    pixel, sample, seed : UInt32
-        Source pixel (row-major in the crop window), running sample number and user seed, as the
-        path record stores them.
-    dither : Dither, optional
-        Takes the first dimensions from blue-noise masks. The same in every call that names the
-        path: a replay without it repeats another path.
+    Fields: ``pixel`` (source pixel, row-major in the crop window), ``sample`` (running number of
+    the path tree), ``seed`` (the user's).
     """
-    x, y = mi.sample_tea_32(mi.UInt32(pixel), mi.UInt32(sample), _ROUNDS)
-    x, y = mi.sample_tea_32(x ^ mi.UInt32(seed), y, _ROUNDS)
-    stream = Stream(x, y)
-    return stream if dither is None else dither.stream(stream, pixel, sample, seed)
+
+    pixel: mi.UInt32
+    sample: mi.UInt32
+    seed: mi.UInt32
+
+    def stream(self) -> Stream:
+        """The path's primary samples."""
+        x, y = mi.sample_tea_32(mi.UInt32(self.pixel), mi.UInt32(self.sample), _ROUNDS)
+        return Stream(*mi.sample_tea_32(x ^ mi.UInt32(self.seed), y, _ROUNDS))
 
 
-def pass_stream(purpose: int, pixel: Any, sample: Any, seed: Any) -> Stream:
-    """Stream for the choices that a pass makes (selection, neighbours), disjoint from all paths."""
-    x, y = mi.sample_tea_32(mi.UInt32(seed) ^ mi.UInt32(0x632BE5AB), mi.UInt32(purpose), _ROUNDS)
-    return path_stream(mi.UInt32(pixel) ^ x, mi.UInt32(sample) + y, x)
+@dataclass
+class FrameKey:
+    """What names a frame: running number of its first sample, and the user's seed (opaque)."""
+
+    sample: mi.UInt32
+    seed: mi.UInt32
+
+    def stream(self, purpose: int, pixel: mi.UInt32 | int) -> Stream:
+        """Stream for the choices that a pass makes, disjoint from all paths.
+
+        Parameters
+        ----------
+        purpose : int
+            A member of :class:`Purpose`.
+        pixel : UInt32 or int
+            Whose choices; one number for choices that all pixels share.
+        """
+        word = mi.UInt32(self.seed) ^ mi.UInt32(0x632BE5AB)
+        x, y = mi.sample_tea_32(word, mi.UInt32(purpose), _ROUNDS)
+        return PathName(mi.UInt32(pixel) ^ x, mi.UInt32(self.sample) + y, x).stream()
 
 
-def uniform2(stream: Stream, vertex: Any, block: int) -> tuple[Any, Any]:
+def uniform2(stream: Stream, vertex: mi.UInt32 | int, block: int) -> tuple[mi.Float, mi.Float]:
     """Two independent uniform numbers in [0, 1) for one block of one vertex.
 
     Parameters
@@ -80,7 +104,7 @@ def uniform2(stream: Stream, vertex: Any, block: int) -> tuple[Any, Any]:
     return to_unit(a), to_unit(b)
 
 
-def uniform(stream: Stream, vertex: Any, block: int) -> Any:
+def uniform(stream: Stream, vertex: mi.UInt32 | int, block: int) -> mi.Float:
     """One uniform number in (0, 1) that resolves 2^-48, for a decision with a tiny probability.
 
     A number on a grid of 2^-24 would accept whatever is possible at all with a probability of at
@@ -90,6 +114,6 @@ def uniform(stream: Stream, vertex: Any, block: int) -> Any:
     return a + (b + 2.0**-25) * 2.0**-24
 
 
-def to_unit(word: Any) -> Any:
+def to_unit(word: mi.UInt32) -> mi.Float:
     """Upper 24 bits of a word as a float in [0, 1): every value is exact in single precision."""
     return mi.Float(word >> 8) * 2.0**-24

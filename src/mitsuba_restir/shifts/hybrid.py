@@ -12,104 +12,78 @@ G = |cos theta_k| / d^2 with the face normal (1 for the environment). Replay has
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from ..paths import record as kinds
 from ..paths.primary_hit import PrimaryHit
-from ..paths.record import PathRecord, edge_count, kind_of, reconnection_index
+from ..paths.record import Kind, PathRecord, edge_count, kind_of, reconnection_index
 from ..paths.scattering import can_connect, emission, evaluate, sample_light
-from ..paths.spectrum import response, wavelengths
+from ..paths.spectrum import response
 from ..paths.vertex import exists, seen_from
-from ..sampling.streams import path_stream
-from .connectability import depart, link
-from .ending import Ends, ending, jacobian_factor
-from .mapping import (
-    DARK,
-    EMPTY,
-    INVERTIBILITY,
-    OCCLUDED,
-    OK,
-    TERMINATED,
-    UNCONNECTABLE,
-    ShiftMapping,
-)
+from .connectability import depart
+from .ending import Ends, ending, own_factor
+from .mapping import Outcome
 from .replay import Head, at_primary, replay
+from .scope import Scope
 
 
 @dataclass
 class Shifted:
     """A path shifted to another pixel.
 
-    Fields: ``color`` (``Color3f``, F in the new pixel; 0 where the shift is undefined),
-    ``jacobian`` (|dT/dx|), ``factor`` (the new path's own p G p, which its record must carry),
-    ``outcome`` (``UInt32``, see :mod:`mitsuba_restir.shifts.mapping`).
+    Fields: ``color`` (F in the new pixel; 0 where the shift is undefined), ``jacobian`` (|dT/dx|),
+    ``factor`` (the new path's own p G p, which its record must carry), ``outcome`` (a member of
+    :class:`.mapping.Outcome`).
     """
 
-    color: Any
-    jacobian: Any
-    factor: Any
-    outcome: Any
+    color: mi.Color3f
+    jacobian: mi.Float
+    factor: mi.Float
+    outcome: mi.UInt32
 
 
-def shift(
-    scene: mi.Scene,
-    sensor: mi.Sensor,
-    path: PathRecord,
-    hit: PrimaryHit,
-    mapping: ShiftMapping,
-    active: Any,
-) -> Shifted:
+def shift(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.Bool) -> Shifted:
     """Shift ``path`` to the pixel whose primary hit is ``hit``.
 
     Lanes that are not ``active``, or whose path or pixel is empty, come back with color 0.
     """
     kind = kind_of(path)
-    present = active & (kind != kinds.EMPTY) & exists(hit.vertex)
+    present = active & (kind != Kind.EMPTY) & exists(hit.vertex)
+    stream = scope.stream(path.name)
+    lambdas, response_weight = scope.wavelengths(stream)
 
-    stream = path_stream(path.pixel, path.sample, path.seed, mapping.dither)
-    lambdas, response_weight = wavelengths(sensor, stream)
-
-    by_hit = kind == kinds.REPLAY_HIT
-    by_light = kind == kinds.REPLAY_NEE
+    by_hit = kind == Kind.REPLAY_HIT
+    by_light = kind == Kind.REPLAY_NEE
     bounces = dr.select(
         by_hit,
         edge_count(path) - 1,
         dr.select(by_light, edge_count(path), reconnection_index(path)) - 2,
     )
-    if mapping.replays:
-        head = replay(scene, stream, hit, lambdas, response_weight, bounces, mapping, present)
+    head = at_primary(hit, lambdas, response_weight)
+    if scope.mapping.replays:
+        head = replay(scope, stream, head, bounces, present)
     else:
-        head = at_primary(hit, lambdas, response_weight)
-        head.outcome = dr.select(bounces == 0, mi.UInt32(OK), UNCONNECTABLE)
-    lost = ~by_hit & ~head.pi.is_valid() & (head.outcome == OK)
-    outcome = dr.select(present, dr.select(lost, TERMINATED, head.outcome), EMPTY)
+        head.outcome = dr.select(bounces == 0, mi.UInt32(Outcome.OK), Outcome.UNCONNECTABLE)
+    lost = ~by_hit & ~head.pi.is_valid() & (head.outcome == Outcome.OK)
+    outcome = dr.select(lost, Outcome.TERMINATED, head.outcome)
+    head.outcome = dr.select(present, outcome, Outcome.EMPTY)
 
-    shifted = _finish(scene, path, kind, hit, head, mapping, outcome)
-    return Shifted(
-        response(shifted.color, lambdas), shifted.jacobian, shifted.factor, shifted.outcome
-    )
+    shifted = _finish(scope, path, head)
+    shifted.color = response(shifted.color, lambdas)
+    return shifted
 
 
-def _finish(
-    scene: mi.Scene,
-    path: PathRecord,
-    kind: Any,
-    hit: PrimaryHit,
-    head: Head,
-    mapping: ShiftMapping,
-    outcome: Any,
-) -> Shifted:
+def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
     """Complete a replayed prefix by reconnection, by a light sample, or by the light it hit."""
+    scene, mapping, kind, outcome = scope.scene, scope.mapping, kind_of(path), head.outcome
     criterion = mapping.criterion
-    alive = outcome == OK
-    by_hit = alive & (kind == kinds.REPLAY_HIT)
-    by_light = alive & (kind == kinds.REPLAY_NEE)
-    to_environment = alive & (kind == kinds.ENVIRONMENT)
-    to_light = alive & (kind == kinds.LIGHT)
-    to_vertex = alive & (kind >= kinds.FAR) & ~to_environment
+    alive = outcome == Outcome.OK
+    by_hit = alive & (kind == Kind.REPLAY_HIT)
+    by_light = alive & (kind == Kind.REPLAY_NEE)
+    to_environment = alive & (kind == Kind.ENVIRONMENT)
+    to_light = alive & (kind == Kind.LIGHT)
+    to_vertex = alive & (kind >= Kind.FAR) & ~to_environment
     onward = to_vertex & ~to_light
     extends = alive & ~by_hit
 
@@ -118,7 +92,7 @@ def _finish(
     si = head.pi.compute_surface_interaction(head.ray)
     bsdf = si.bsdf()
     limit = criterion.vertex_limit(si, bsdf, alive)
-    arrival = link(criterion, head.start, si, limit, head.index, mapping.last_index, hit.footprint)
+    arrival = mapping.link(head.start, si, limit, head.index, head.footprint)
 
     numbers = mi.Point2f(path.wo.x, path.wo.y)
     light = sample_light(scene, si, numbers, False, by_light & can_connect(bsdf))
@@ -129,7 +103,7 @@ def _finish(
     # The pair (y_{h-1}, y_h) must stay unconnectable with the new direction as well, and a path
     # without a reconnection vertex must not find one in the light that ends it.
     connectable = dr.select(by_hit, arrival.reaches, pdf <= arrival.limit)
-    outcome = dr.select(alive & connectable, INVERTIBILITY, outcome)
+    outcome = dr.select(alive & connectable, Outcome.INVERTIBILITY, outcome)
 
     # ------------------------------ x_k seen from y_{k-1} ---------------------------------------
 
@@ -137,19 +111,11 @@ def _finish(
     bsdf_k = si_k.bsdf()
     start = depart(si, direction, pdf, mi.Bool(False), limit)
     limit_k = criterion.vertex_limit(si_k, bsdf_k, onward)
-    pair = link(
-        criterion,
-        start,
-        si_k,
-        limit_k,
-        reconnection_index(path),
-        mapping.last_index,
-        hit.footprint,
-    )
+    pair = mapping.link(start, si_k, limit_k, reconnection_index(path), head.footprint)
     value_k, pdf_k = evaluate(si_k, bsdf_k, path.wo, onward)
     fits = dr.select(onward, (pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches)
     outcome = dr.select(
-        alive & (kind >= kinds.FAR) & (outcome == OK) & ~fits, UNCONNECTABLE, outcome
+        alive & (kind >= Kind.FAR) & (outcome == Outcome.OK) & ~fits, Outcome.UNCONNECTABLE, outcome
     )
 
     # ------------------------------ emission and MIS --------------------------------------------
@@ -160,9 +126,9 @@ def _finish(
     emitted_pdf = dr.select(by_hit & head.start.delta, 0, emitted_pdf)
     ends = Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, head.start.pdf)
     color = head.throughput * ending(path, ends)
-    color = dr.select(outcome == OK, color, 0)
+    color = dr.select(outcome == Outcome.OK, color, 0)
     bright = dr.max(dr.abs(color)) > 0
-    outcome = dr.select((outcome == OK) & ~bright, DARK, outcome)
+    outcome = dr.select((outcome == Outcome.OK) & ~bright, Outcome.DARK, outcome)
 
     # ------------------------------ visibility --------------------------------------------------
 
@@ -171,15 +137,15 @@ def _finish(
         si.spawn_ray(direction),
         si.spawn_ray_to(dr.select(to_vertex, path.vertex.p, light.p)),
     )
-    occluded = scene.ray_test(shadow, extends & (outcome == OK))
-    outcome = dr.select(occluded, OCCLUDED, outcome)
+    occluded = scene.ray_test(shadow, extends & (outcome == Outcome.OK))
+    outcome = dr.select(occluded, Outcome.OCCLUDED, outcome)
 
-    factor = jacobian_factor(kind, pair, pdf_k)
+    factor = own_factor(kind, pair, pdf_k)
     # A pdf may underflow. Both directions are refused alike, so nothing is lost on one side only.
-    jacobian = factor / path.jacobian
+    jacobian = factor / path.factor
     sound = (jacobian > 1e-30) & (jacobian < 1e30)
-    outcome = dr.select((outcome == OK) & ~sound, UNCONNECTABLE, outcome)
-    defined = outcome == OK
+    outcome = dr.select((outcome == Outcome.OK) & ~sound, Outcome.UNCONNECTABLE, outcome)
+    defined = outcome == Outcome.OK
     return Shifted(
         dr.select(defined, color, 0),
         dr.select(defined, jacobian, 1),

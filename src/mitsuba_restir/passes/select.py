@@ -7,7 +7,7 @@ m = (g_0 + ... + g_k) / (k + 1); its candidates are m and, for every j,
     m + (m - g_j) / k     (the mean without g_j)  and its mirror image     m - (m - g_j) / k,
 
 convex combinations of the g with fixed weights. Where the g have the pixel's expectation, so have
-they (by rank only m has it, see :mod:`mitsuba_restir.passes.ranks`: g_j is from stratum j). With
+they (by rank only m has it, see :mod:`mitsuba_restir.neighbors.ranks`: g_j is from stratum j). With
 errors e_q = I_q - r_q against the colour history r, the energy of an image I is the error seen
 through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it is least nearest to
 
@@ -28,22 +28,25 @@ nothing of it gets into reservoirs or history.
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
 
-from ..sampling.streams import SELECTION, pass_stream, uniform2
-from .neighborhood import (
+from ..neighbors.around import (
     ADJACENT,
     OFFSETS,
     counts,
     local_mean,
-    moved,
-    pixels_of_set,
-    set_lanes,
+    similar_neighbors,
+    spaced_pixels,
 )
-from .spatial import PairEstimators
+from ..neighbors.color_history import ColorHistory, clamped, relit, remember
+from ..paths.grid import Grid
+from ..paths.primary_hit import PrimaryHit
+from ..resampling.pairwise import PairEstimators
+from ..sampling.streams import FrameKey, Purpose, uniform2
+from ..shifts.scope import Scope
 
 SIGMA = 1.0
 """Standard deviation of the Gaussian through which the error is seen [pixels]."""
@@ -58,51 +61,71 @@ it the sign depends on the tail (gamma-distributed ones: -2 to +4 %)."""
 
 
 def select(
-    mean: Any,
+    scope: Scope,
+    hit: PrimaryHit,
+    mean: mi.Color3f,
     estimators: PairEstimators,
-    reference: Any,
-    alike: Any,
-    size: tuple[int, int],
-    sample: Any,
-    seed: Any,
-) -> Any:
-    """The colours to show.
+    before: ColorHistory,
+    changing: bool,
+) -> tuple[mi.Color3f, ColorHistory]:
+    """The colours to show, and the colour history with this frame in it.
 
     Parameters
     ----------
     mean : Color3f
         Plain average of the pair estimators.
-    estimators : PairEstimators
-        The pair estimators.
+    before : ColorHistory
+        At each pixel's previous place.
+    changing : bool
+        Whether lights or geometry may have changed since the last frame: the history then follows
+        the brightness of the frame.
+    """
+    grid = scope.grid
+    alike = similar_neighbors(grid, hit)
+    if changing:
+        before = replace(before, color=clamped(grid, before.color, mean, alike))
+    colors = remember(before, mean)
+    dr.eval(colors, alike)
+    reference = colors.color
+    if changing:
+        reference = relit(grid, reference, mean, alike, similar_neighbors(grid, hit, step=2))
+    return choose(grid, scope.key, mean, estimators, reference, alike), colors
+
+
+def choose(
+    grid: Grid,
+    key: FrameKey,
+    mean: mi.Color3f,
+    estimators: PairEstimators,
+    reference: mi.Color3f,
+    alike: mi.UInt32,
+) -> mi.Color3f:
+    """One of each pixel's candidates.
+
+    Parameters
+    ----------
+    key : FrameKey
+        Draws the order of the sets.
+    mean : Color3f
+        Plain average of the pair estimators.
     reference : Color3f
         Colour history.
     alike : UInt32
-        Result of :func:`.neighborhood.similar_neighbors`.
-    size : (int, int)
-        Width and height in pixels.
-    sample, seed : UInt32
-        The frame's running number and the user's seed; they draw the order of the sets.
-
-    Returns
-    -------
-    Color3f
-        One of each pixel's candidates.
+        Result of :func:`mitsuba_restir.neighbors.around.similar_neighbors`.
     """
-    width, height = (dr.opaque(mi.UInt32, n) for n in size)
-    limit = LIMIT * local_mean(reference, alike & ADJACENT, width)
+    limit = LIMIT * local_mean(grid, reference, alike & ADJACENT)
     error = bounded(mean - reference, limit)
     shown = dr.copy(mean)
     dr.eval(alike, limit, error, shown)
 
-    order = uniform2(pass_stream(SELECTION, 0, sample, seed), 0, 0)
-    lanes = set_lanes(size, SPACING)
+    order = uniform2(key.stream(Purpose.SELECTION, 0), 0, 0)
     for index in range(SPACING**2):
         number = set_in_turn(dr.opaque(mi.UInt32, index), order)
-        pixel, inside = pixels_of_set(number, SPACING, lanes, width, height)
+        pixel, inside = spaced_pixels(grid, SPACING, number)
         own_limit = dr.gather(mi.Color3f, limit, pixel, inside)
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
         around = dr.gather(mi.UInt32, alike, pixel, inside)
-        wanted = -neighbors_error(error, around, pixel, width)
+        wanted = -neighbors_error(grid, error, around, pixel)
         own_mean = dr.gather(mi.Color3f, mean, pixel, inside)
         own = dr.gather(PairEstimators, estimators, pixel, inside)
         best = own_mean
@@ -121,8 +144,8 @@ def select(
     return shown
 
 
-def candidates(estimators: PairEstimators, mean: Any) -> list[tuple[Any, Any]]:
-    """A pixel's candidates beside the mean: ``(Color3f, Bool)``, whether it has this one."""
+def candidates(estimators: PairEstimators, mean: mi.Color3f) -> list[tuple[mi.Color3f, mi.Bool]]:
+    """A pixel's candidates beside the mean, and whether it has this one."""
     pairs = sum(dr.select(valid, mi.Float(1), 0) for valid in estimators.valid[1:])
     found = []
     for color, valid in zip(estimators.colors, estimators.valid, strict=True):
@@ -131,13 +154,15 @@ def candidates(estimators: PairEstimators, mean: Any) -> list[tuple[Any, Any]]:
     return found
 
 
-def bounded(error: Any, limit: Any) -> Any:
+def bounded(error: mi.Color3f, limit: mi.Color3f) -> mi.Color3f:
     """An error, channel by channel within +-``limit``."""
     return dr.clip(error, -limit, limit)
 
 
-def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:
-    """sum a(d) e_{p+d} over the similar neighbours of each pixel (``Color3f``).
+def neighbors_error(
+    grid: Grid, error: mi.Color3f, alike: mi.UInt32, pixel: mi.UInt32
+) -> mi.Color3f:
+    """sum a(d) e_{p+d} over the similar neighbours of each pixel.
 
     Parameters
     ----------
@@ -148,13 +173,13 @@ def neighbors_error(error: Any, alike: Any, pixel: Any, width: Any) -> Any:
     """
     total = mi.Color3f(0)
     for i, (dx, dy) in enumerate(OFFSETS):
-        seen = dr.gather(mi.Color3f, error, moved(pixel, (dx, dy), width), counts(alike, i))
+        seen = dr.gather(mi.Color3f, error, grid.beside(pixel, (dx, dy)), counts(alike, i))
         total += seen * math.exp(-(dx**2 + dy**2) / (4 * SIGMA**2))
     return total
 
 
-def set_in_turn(index: Any, order: tuple[Any, Any]) -> Any:
-    """Number of the set whose turn it is (``UInt32``).
+def set_in_turn(index: mi.UInt32, order: tuple[mi.Float, mi.Float]) -> mi.UInt32:
+    """Number of the set whose turn it is.
 
     The sets take turns in an order that changes from frame to frame, or the same pixels would
     always choose first.

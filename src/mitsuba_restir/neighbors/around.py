@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.grid import Grid
 from ..paths.primary_hit import PrimaryHit
-from .reuse import similar
+from .similarity import similar
+
+Values = TypeVar("Values")
 
 REACH = 2
 """Columns and rows on each side."""
@@ -26,31 +28,15 @@ ADJACENT = sum(1 << i for i, (x, y) in enumerate(OFFSETS) if max(abs(x), abs(y))
 """Bits of the eight neighbours next to it."""
 
 
-def moved(pixel: Any, offset: tuple[int, int], width: Any) -> Any:
-    """Row-major index of the pixel at an offset; it must be in the image."""
-    return mi.UInt32(mi.Int32(pixel) + offset[1] * mi.Int32(width) + offset[0])
-
-
-def set_lanes(size: tuple[int, int], spacing: int) -> int:
-    """How many lanes :func:`pixels_of_set` needs in an image of this size."""
-    return math.prod(-(-n // spacing) for n in size)
-
-
-def pixels_of_set(
-    number: Any, spacing: int, lanes: int, width: Any, height: Any
-) -> tuple[Any, Any]:
+def spaced_pixels(grid: Grid, spacing: int, number: mi.UInt32) -> tuple[mi.UInt32, mi.Bool]:
     """Every n-th pixel of every n-th row.
 
     Parameters
     ----------
-    number : UInt32
-        Which set, below ``spacing**2``.
     spacing : int
         The distance n.
-    lanes : int
-        See :func:`set_lanes`.
-    width, height : UInt32
-        Size of the image.
+    number : UInt32
+        Which set of pixels, below ``spacing**2``.
 
     Returns
     -------
@@ -59,23 +45,22 @@ def pixels_of_set(
     inside : Bool
         Whether it lies in the image.
     """
-    columns = (width + (spacing - 1)) // spacing
+    lanes = -(-grid.columns // spacing) * -(-grid.rows // spacing)
+    columns = (grid.width + (spacing - 1)) // spacing
     lane = dr.arange(mi.UInt32, lanes)
     row = lane // columns
     x = (lane - row * columns) * spacing + number % spacing
     y = row * spacing + number // spacing
-    return y * width + x, (x < width) & (y < height)
+    return grid.index(x, y), (x < grid.width) & (y < grid.height)
 
 
-def similar_neighbors(hits: PrimaryHit, width: Any, height: Any, step: int = 1) -> Any:
+def similar_neighbors(grid: Grid, hits: PrimaryHit, step: int = 1) -> mi.UInt32:
     """Which neighbours of every pixel count.
 
     Parameters
     ----------
     hits : PrimaryHit
         Of all pixels, row-major.
-    width, height : UInt32
-        Size of the image.
     step : int
         Factor of the offsets.
 
@@ -84,27 +69,22 @@ def similar_neighbors(hits: PrimaryHit, width: Any, height: Any, step: int = 1) 
     UInt32
         Bit i: the neighbour at ``OFFSETS[i]`` is in the image and similar in the G-buffer.
     """
-    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
-    y = pixel // width
-    x = pixel - y * width
+    pixel = grid.pixels()
     bits = mi.UInt32(0)
     for i, (dx, dy) in enumerate(OFFSETS):
-        beside, below = mi.Int32(x) + step * dx, mi.Int32(y) + step * dy
-        inside = (beside >= 0) & (beside < mi.Int32(width))
-        inside &= (below >= 0) & (below < mi.Int32(height))
-        other = moved(pixel, (step * dx, step * dy), width)
+        other, inside = grid.look(pixel, step * dx, step * dy)
         alike = inside & similar(hits, dr.gather(PrimaryHit, hits, other, inside))
         bits |= dr.select(alike, mi.UInt32(1 << i), 0)
     return bits
 
 
-def counts(alike: Any, neighbor: int) -> Any:
+def counts(alike: mi.UInt32, neighbor: int) -> mi.Bool:
     """Whether the neighbour of this number counts, by the bits of :func:`similar_neighbors`."""
     return (alike & (1 << neighbor)) != 0
 
 
-def local_mean(values: Any, alike: Any, width: Any, step: int = 1) -> Any:
-    """Mean over every pixel and the neighbours that count, of the same type as ``values``.
+def local_mean(grid: Grid, values: Values, alike: mi.UInt32, step: int = 1) -> Values:
+    """Mean over every pixel and the neighbours that count.
 
     Parameters
     ----------
@@ -114,11 +94,11 @@ def local_mean(values: Any, alike: Any, width: Any, step: int = 1) -> Any:
         Result of :func:`similar_neighbors` with the same ``step``.
     """
     dr.eval(values)
-    kind = type(values)
-    pixel = dr.arange(mi.UInt32, dr.width(values))
+    kind: Any = type(values)
+    pixel = grid.pixels()
     total, number = kind(values), mi.Float(1)
     for i, (dx, dy) in enumerate(OFFSETS):
         active = counts(alike, i)
-        total += dr.gather(kind, values, moved(pixel, (step * dx, step * dy), width), active)
+        total += dr.gather(kind, values, grid.beside(pixel, (step * dx, step * dy)), active)
         number += dr.select(active, mi.Float(1), 0)
     return total / number

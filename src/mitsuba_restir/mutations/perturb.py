@@ -16,13 +16,12 @@ random numbers of x_{k-1} its direction is perturbed, and p(x_{k-1} -> x_k) join
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from ..paths import record as kinds
 from ..paths.record import (
+    Kind,
     PathRecord,
     continuation_of,
     kind_of,
@@ -40,60 +39,39 @@ from ..paths.scattering import (
 )
 from ..paths.spectrum import response
 from ..paths.vertex import Vertex, exists, seen_from
-from .connectability import depart, link
-from .ending import Ends, ending, jacobian_factor
-from .mapping import ShiftMapping
+from ..shifts.connectability import depart
+from ..shifts.ending import Ends, ending, own_factor
+from ..shifts.scope import Scope
+from .kind import State
 from .pivot import Pivot
+
+CHANGES: tuple[str, ...] = ("vertex", "wo", "radiance", "light_pdf", "factor")
+"""Fields of a path's record that differ when its reconnection vertex does."""
 
 
 @dataclass
-class State:
-    """A state of the Markov chain.
+class Landing:
+    """The reconnection vertex that a path is to have.
 
-    Fields: ``path``, ``color`` (``Color3f``, F), ``density`` (``Float``, the factors of the path's
-    density that moves change, p(x_{k-1} -> x_k) among them), ``direction`` (``Vector3f``, x_{k-1}
-    to x_k) and ``pdf`` (its BSDF pdf).
+    Fields: ``vertex``, ``si`` (invalid for the environment), ``direction`` (from the pivot to it).
     """
 
-    path: PathRecord
-    color: Any
-    density: Any
-    direction: Any
-    pdf: Any
-
-
-def next_interaction(path: PathRecord, lambdas: Any, active: Any) -> mi.SurfaceInteraction3f:
-    """Interaction at x_{k+1} as seen from the path's own x_k; its point is the same from others."""
-    following = continuation_of(path).vertex
-    ray, pi = seen_from(following, path.vertex.p, lambdas)
-    kind = kind_of(path)
-    used = active & ((kind == kinds.FAR) | (kind == kinds.HIT)) & exists(following)
-    return pi.compute_surface_interaction(ray, active=used)
+    vertex: Vertex
+    si: mi.SurfaceInteraction3f
+    direction: mi.Vector3f
 
 
 def at_vertex(
-    scene: mi.Scene,
-    pivot: Pivot,
-    next_si: mi.SurfaceInteraction3f,
-    path: PathRecord,
-    vertex: Vertex,
-    si_k: mi.SurfaceInteraction3f,
-    direction: Any,
-    mapping: ShiftMapping,
-    active: Any,
-) -> tuple[State, mi.Ray3f, Any]:
-    """The path with reconnection vertex ``si_k``, visibility of what follows it left open.
+    scope: Scope, pivot: Pivot, path: PathRecord, landing: Landing, active: mi.Bool
+) -> tuple[State, mi.Ray3f, mi.Bool]:
+    """The path with another reconnection vertex, visibility of what follows it left open.
 
     Parameters
     ----------
-    next_si : SurfaceInteraction3f
-        The path's :func:`next_interaction`.
     path : PathRecord
         The path to be changed (a ``REPLAY_NEE`` path carries the light's new numbers already).
-    vertex, si_k : Vertex, SurfaceInteraction3f
-        The new x_k (invalid for the environment).
-    direction : Vector3f
-        Direction from the pivot to it.
+    landing : Landing
+        The new x_k.
 
     Returns
     -------
@@ -104,10 +82,10 @@ def at_vertex(
     tested : Bool
         Lanes that have one.
     """
-    criterion = mapping.criterion
+    scene, mapping, si_k, direction = scope.scene, scope.mapping, landing.si, landing.direction
     kind, k, following = kind_of(path), reconnection_index(path), continuation_of(path)
-    far, nee, hit = kind == kinds.FAR, kind == kinds.NEE, kind == kinds.HIT
-    by_numbers = kind == kinds.REPLAY_NEE
+    far, nee, hit = kind == Kind.FAR, kind == Kind.NEE, kind == Kind.HIT
+    by_numbers = kind == Kind.REPLAY_NEE
     onward = active & (far | nee | hit)
     ahead = active & (far | hit) & exists(following.vertex)
     bsdf, bsdf_k = pivot.si.bsdf(), si_k.bsdf()
@@ -122,14 +100,14 @@ def at_vertex(
     direction = dr.select(by_numbers, light.d, direction)
     value, pdf = evaluate(pivot.si, bsdf, direction, active & (~by_numbers | light.valid))
     start = depart(pivot.si, direction, pdf, mi.Bool(False), pivot.limit)
-    limit_k = criterion.vertex_limit(si_k, bsdf_k, onward)
-    pair = link(criterion, start, si_k, limit_k, k, mapping.last_index, pivot.footprint)
+    limit_k = mapping.criterion.vertex_limit(si_k, bsdf_k, onward)
+    pair = mapping.link(start, si_k, limit_k, k, pivot.footprint)
 
     # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
 
     ray_n, pi_n = seen_from(following.vertex, si_k.p, pivot.lambdas)
-    si_n = mi.SurfaceInteraction3f(next_si)
-    si_n.wi = next_si.to_local(-ray_n.d)
+    si_n = mi.SurfaceInteraction3f(pivot.next_si)
+    si_n.wi = pivot.next_si.to_local(-ray_n.d)
     wo = dr.select(nee, light.d, dr.select(ahead, ray_n.d, path.wo))
     value_k, pdf_k = evaluate(si_k, bsdf_k, wo, onward)
     value_n, pdf_n = evaluate(si_n, si_n.bsdf(), following.wo, ahead & far)
@@ -141,7 +119,7 @@ def at_vertex(
 
     # ------------------------------ what arrives ------------------------------------------------
 
-    found = active & ((kind == kinds.LIGHT) | (kind == kinds.ENVIRONMENT))
+    found = active & ((kind == Kind.LIGHT) | (kind == Kind.ENVIRONMENT))
     emitted, emitted_pdf = emission(
         scene,
         dr.select(hit, si_n, si_k),
@@ -155,18 +133,18 @@ def at_vertex(
     light_pdf = dr.select(renewed, emitted_pdf, light_pdf)
     moved = replace(
         path,
-        vertex=vertex,
-        wo=dr.select(kind == kinds.ENVIRONMENT, direction, dr.select(onward, wo, path.wo)),
+        vertex=landing.vertex,
+        wo=dr.select(kind == Kind.ENVIRONMENT, direction, dr.select(onward, wo, path.wo)),
         radiance=radiance,
         light_pdf=light_pdf,
-        jacobian=jacobian_factor(kind, pair, pdf_k),
+        factor=own_factor(kind, pair, pdf_k),
     )
     ends = Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, mi.Float(0))
     color = response(pivot.throughput * ending(moved, ends), pivot.lambdas)
 
     density = dr.select(by_numbers, 1, pdf)
     density *= dr.select(far | hit, pdf_k * dr.select(ahead, geometry, 1), 1)
-    density *= dr.select(far & (next_kind_of(path) != kinds.NEE), pdf_n, 1)
+    density *= dr.select(far & (next_kind_of(path) != Kind.NEE), pdf_n, 1)
 
     # ------------------------------ visibility --------------------------------------------------
 
@@ -180,15 +158,15 @@ def at_vertex(
     return State(moved, color, density, direction, pdf), shadow, onward | (active & by_numbers)
 
 
-def _through(path: PathRecord, value: Any, pdf: Any) -> Any:
+def _through(path: PathRecord, value: mi.Spectrum, pdf: mi.Float) -> mi.Spectrum:
     """Light that a ``FAR`` path sends from x_{k+1} to x_k, by its kind as seen from x_{k+1}."""
     kind, following = next_kind_of(path), continuation_of(path)
     scattered = dr.select(pdf > 0, value / pdf, 0) * following.radiance
     scattered = dr.select(
-        kind == kinds.HIT, scattered * balance(pdf, following.light_pdf), scattered
+        kind == Kind.HIT, scattered * balance(pdf, following.light_pdf), scattered
     )
     return dr.select(
-        kind == kinds.NEE,
+        kind == Kind.NEE,
         value * following.radiance * nee_weight(following.light_pdf, pdf),
         scattered,
     )

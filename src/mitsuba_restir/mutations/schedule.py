@@ -6,35 +6,23 @@ reservoirs hold, such as how often a path is duplicated, would be biased.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.grid import Grid
 from ..paths.primary_hit import PrimaryHit
-from ..paths.vertex import Vertex
 from ..resampling.reservoir import Reservoir
-from ..shifts.mapping import ShiftMapping
-from ..shifts.pivot import CLASSES
-from .decorrelate import Acceptance, Mutated, decorrelate
+from ..shifts.scope import Scope
+from .chain import Mutated, metropolis_hastings, run_chain
+from .kind import Mutation, MutationPlan
+from .pivot import MutationClass
 
 RUN = 16
 """Neighbouring pixels of a row that have their turn together: as many as a line of the processor's
 cache holds, so that what is not mutated is not read either."""
-
-
-@dataclass
-class Moved:
-    """The fields of a reservoir that a mutation changes; see :class:`Reservoir`, ``PathRecord``."""
-
-    vertex: Vertex
-    wo: Any
-    radiance: Any
-    light_pdf: Any
-    jacobian: Any
-    color: Any
-    weight: Any
 
 
 def stride(interval: int) -> int:
@@ -51,13 +39,11 @@ def stride(interval: int) -> int:
     return max(range(interval), key=closest)
 
 
-def pixels_of_set(size: tuple[int, int], interval: int, turn: Any) -> tuple[Any, Any]:
+def pixels_of_set(grid: Grid, interval: int, turn: mi.UInt32) -> tuple[mi.UInt32, mi.Bool]:
     """The pixels whose turn it is: in row y the runs x with x + s y + turn = 0 mod ``interval``.
 
     Parameters
     ----------
-    size : (int, int)
-        Width and height in pixels.
     turn : UInt32
         Number of the frame.
 
@@ -68,30 +54,21 @@ def pixels_of_set(size: tuple[int, int], interval: int, turn: Any) -> tuple[Any,
     inside : Bool
         Lanes that have a pixel; all, where ``RUN`` times the interval divides the width.
     """
-    columns = RUN * -(-size[0] // (RUN * interval))
-    lane = dr.arange(mi.UInt32, columns * size[1])
+    columns = RUN * -(-grid.columns // (RUN * interval))
+    lane = dr.arange(mi.UInt32, columns * grid.rows)
     y = lane // dr.opaque(mi.UInt32, columns)
     lane -= y * dr.opaque(mi.UInt32, columns)
     first = interval - 1 - (stride(interval) * y + turn + (interval - 1)) % interval
     x = (lane // RUN * interval + first) * RUN + lane % RUN
-    width = dr.opaque(mi.UInt32, size[0])
-    return y * width + x, x < width
+    return grid.index(x, y), x < grid.width
 
 
-def decorrelate_alternating(
-    scene: mi.Scene,
-    sensor: mi.Sensor | None,
+def mutate_in_turns(
+    scope: Scope,
     reservoirs: Reservoir,
     hits: PrimaryHit,
-    size: tuple[int, int],
-    interval: int,
-    turn: Any,
-    mutations: int,
-    step: float,
-    sample: Any,
-    seed: Any,
-    mapping: ShiftMapping,
-    acceptance: Acceptance,
+    plan: MutationPlan,
+    turn: mi.UInt32,
 ) -> tuple[Reservoir, Mutated]:
     """Mutate the paths of the pixels whose turn it is, and leave the others alone.
 
@@ -99,8 +76,8 @@ def decorrelate_alternating(
     ----------
     reservoirs, hits : Reservoir, PrimaryHit
         One lane per pixel; evaluated.
-    size, interval, turn
-        See :func:`pixels_of_set`.
+    turn : UInt32
+        Number of the frame.
 
     Returns
     -------
@@ -109,39 +86,22 @@ def decorrelate_alternating(
     mutated : Mutated
         One lane per pixel of the set; ``kind`` is the number of classes in a lane without pixel.
     """
-    steps = (mutations, step, sample, seed, mapping)
-    if interval == 1:
-        return decorrelate(scene, sensor, reservoirs, hits, *steps, acceptance)
-    pixel, inside = pixels_of_set(size, interval, turn)
+    if plan.interval == 1:
+        pixels = scope.grid.pixels()
+        return run_chain(scope, reservoirs, hits, pixels, plan, metropolis_hastings)
+    pixel, inside = pixels_of_set(scope.grid, plan.interval, turn)
     own = dr.gather(Reservoir, reservoirs, pixel, inside)
     there = dr.gather(PrimaryHit, hits, pixel, inside)
-    after, mutated = decorrelate(scene, sensor, own, there, *steps, acceptance, pixel)
-    mutated.kind = dr.select(inside, mutated.kind, len(CLASSES))
-    result = dr.copy(_moved(reservoirs))
-    dr.scatter(result, _moved(after), pixel, inside & (mutated.accepted > 0))
-    return _with_moved(reservoirs, result), mutated
+    after, mutated = run_chain(scope, own, there, pixel, plan, metropolis_hastings)
+    mutated.kind = dr.select(inside, mutated.kind, len(MutationClass.names()))
+    result = dr.copy(_changed(reservoirs, plan.kind))
+    dr.scatter(result, _changed(after, plan.kind), pixel, inside & (mutated.accepted > 0))
+    path, own_fields = result
+    moved = replace(reservoirs, path=replace(reservoirs.path, **path), **own_fields)
+    return moved, mutated
 
 
-def _moved(reservoirs: Reservoir) -> Moved:
-    path = reservoirs.path
-    return Moved(
-        path.vertex,
-        path.wo,
-        path.radiance,
-        path.light_pdf,
-        path.jacobian,
-        reservoirs.color,
-        reservoirs.weight,
-    )
-
-
-def _with_moved(reservoirs: Reservoir, moved: Moved) -> Reservoir:
-    path = replace(
-        reservoirs.path,
-        vertex=moved.vertex,
-        wo=moved.wo,
-        radiance=moved.radiance,
-        light_pdf=moved.light_pdf,
-        jacobian=moved.jacobian,
-    )
-    return Reservoir(path, moved.color, moved.weight, reservoirs.confidence)
+def _changed(reservoirs: Reservoir, mutation: Mutation) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a mutation may change of paths, and of their reservoirs."""
+    path = {name: getattr(reservoirs.path, name) for name in mutation.changes}
+    return path, {"color": reservoirs.color, "weight": reservoirs.weight}

@@ -20,21 +20,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from ..neighbors.around import spaced_pixels
+from ..paths.grid import Grid
 from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
 from ..resampling.reservoir import Reservoir
 from ..sampling.georgiev import RADIUS, SIGMA_I, SIGMA_S
-from ..sampling.streams import MUTATION, pass_stream
-from ..shifts.mapping import ShiftMapping
-from ..shifts.perturb import State
-from ..shifts.pivot import mutation_class
-from .decorrelate import Acceptance, Mutated, decorrelate
-from .neighborhood import pixels_of_set, set_lanes
+from ..sampling.streams import Purpose
+from ..shifts.scope import Scope
+from .chain import Acceptance, Mutated, run_chain
+from .kind import MutationPlan, Proposal, State
+from .pivot import mutation_class
 
 TEMPERATURE = 1e-3
 """T. The document has it "near 0"; energies are sums of about ten terms between 1/e and 1."""
@@ -48,33 +48,32 @@ two of them is at most exp(-(4 / 2.1)²) = 0.03."""
 class Surroundings:
     """What the rule compares with.
 
-    Fields: ``values`` (``Float``, of all pixels, row-major, see :func:`normalised`; evaluated),
-    ``mean`` (``Float``, mean luminance of the image), ``width`` and ``height`` (``UInt32``).
+    Fields: ``grid``, ``values`` (of all pixels, row-major, see :func:`normalised`; evaluated),
+    ``mean`` (mean luminance of the image).
     """
 
-    values: Any
-    mean: Any
-    width: Any
-    height: Any
+    grid: Grid
+    values: mi.Float
+    mean: mi.Float
 
 
-def surroundings(reservoirs: Reservoir, size: tuple[Any, Any]) -> Surroundings:
+def surroundings(grid: Grid, reservoirs: Reservoir) -> Surroundings:
     """The values that an image's reservoirs show, light seen directly left out."""
     shown = target(reservoirs.color) * reservoirs.weight
     mean = dr.mean(shown)
-    around = Surroundings(normalised(shown, mean), mean, *size)
+    around = Surroundings(grid, normalised(shown, mean), mean)
     dr.eval(around)
     return around
 
 
-def normalised(luminance: Any, mean: Any) -> Any:
+def normalised(luminance: mi.Float, mean: mi.Float) -> mi.Float:
     """x / (x + mean): from luminance to the values between 0 and 1 that the energy is made for."""
     total = luminance + mean
     return dr.select(total > 0, luminance / total, 0)
 
 
 @dr.syntax
-def energy_change(around: Surroundings, pixel: Any, old: Any, new: Any) -> Any:
+def energy_change(around: Surroundings, pixel: mi.UInt32, old: mi.Float, new: mi.Float) -> mi.Float:
     """e(new) - e(old): how a pixel's energy changes with its value (Georgiev and Fajardo 2016).
 
         e(s) = sum_q exp(-|p - q|²/sigma_i² - |s - s_q|^(1/2)/sigma_s²)
@@ -89,13 +88,13 @@ def energy_change(around: Surroundings, pixel: Any, old: Any, new: Any) -> Any:
     old, new : Float
         Its values, see :func:`normalised`.
     """
-    y = pixel // around.width
-    x = mi.Int32(pixel - y * around.width)
-    width, height = mi.Int32(around.width), mi.Int32(around.height)
+    column_of, row_of = around.grid.place(pixel)
+    x, y = mi.Int32(column_of), mi.Int32(row_of)
+    width, height = mi.Int32(around.grid.width), mi.Int32(around.grid.height)
     row = mi.Int32(-RADIUS)
     change = mi.Float(0)
     while dr.hint(row <= RADIUS, exclude=[around, x, y, width, height, old, new], label="Energy"):
-        there = mi.Int32(y) + row
+        there = y + row
         in_column = (there >= 0) & (there < height)
         row_factor = dr.exp(mi.Float(dr.square(row)) * (-1 / SIGMA_I**2))
         for column in range(-RADIUS, RADIUS + 1):
@@ -111,11 +110,13 @@ def energy_change(around: Surroundings, pixel: Any, old: Any, new: Any) -> Any:
     return change
 
 
-def _likeness(a: Any, b: Any) -> Any:
+def _likeness(a: mi.Float, b: mi.Float) -> mi.Float:
     return dr.exp(dr.sqrt(dr.abs(a - b)) * (-1 / SIGMA_S**2))
 
 
-def blue_noise_rule(around: Surroundings, pixel: Any, weight: Any, blend: float) -> Acceptance:
+def energy_rule(
+    around: Surroundings, pixel: mi.UInt32, weight: mi.Float, blend: float
+) -> Acceptance:
     """The rule for lanes of given pixels.
 
     Parameters
@@ -128,8 +129,8 @@ def blue_noise_rule(around: Surroundings, pixel: Any, weight: Any, blend: float)
         w, from 0 (Metropolis-Hastings) to 1.
     """
 
-    def acceptance(current: State, proposed: State, transition: Any) -> Any:
-        before, after = target(current.color), target(proposed.color)
+    def acceptance(current: State, proposal: Proposal) -> mi.Float:
+        before, after = target(current.color), target(proposal.state.color)
         change = energy_change(
             around,
             pixel,
@@ -138,63 +139,57 @@ def blue_noise_rule(around: Surroundings, pixel: Any, weight: Any, blend: float)
         )
         annealed = dr.exp(dr.minimum(-change / TEMPERATURE, 0))
         ratio = dr.select(before > 0, after / before, 0)
-        return (annealed * blend + ratio * (1 - blend)) * transition
+        return (annealed * blend + ratio * (1 - blend)) * proposal.transition
 
     return acceptance
 
 
-def mutate_by_rule(
-    scene: mi.Scene,
-    sensor: mi.Sensor | None,
+def mutate_by_energy(
+    scope: Scope,
     reservoirs: Reservoir,
     hits: PrimaryHit,
-    size: tuple[int, int],
-    mutations: int,
-    step: float,
-    sample: Any,
-    seed: Any,
-    mapping: ShiftMapping,
-    blend: float,
-    updated: bool,
+    plan: MutationPlan,
+    turn: mi.UInt32,
 ) -> tuple[Reservoir, Mutated]:
-    """Mutate every pixel's path by the rule.
+    """Mutate every pixel's path by the rule, against its neighbours' values before the pass.
 
     Parameters
     ----------
     reservoirs, hits : Reservoir, PrimaryHit
         One lane per pixel.
-    size : (int, int)
-        Width and height in pixels.
-    blend : float
-        w.
-    updated : bool
-        Compare with the neighbours' values as they are by now, a sixteenth of the pixels moving at
-        a time. Otherwise with those before the pass, as in the document.
+    turn : UInt32
+        Number of the frame; every pixel has its turn in all of them.
     """
-    pixels = math.prod(size)
-    width, height = (dr.opaque(mi.UInt32, n) for n in size)
-    around = surroundings(reservoirs, (width, height))
-    steps = (mutations, step, sample, seed, mapping)
-    if not updated:
-        pixel = dr.arange(mi.UInt32, pixels)
-        rule = blue_noise_rule(around, pixel, reservoirs.weight, blend)
-        return decorrelate(scene, sensor, reservoirs, hits, *steps, rule)
+    around, pixel = surroundings(scope.grid, reservoirs), scope.grid.pixels()
+    rule = energy_rule(around, pixel, reservoirs.weight, plan.energy_weight)
+    return run_chain(scope, reservoirs, hits, pixel, plan, rule)
 
-    accepted, raised, lowered = (dr.zeros(mi.UInt32, pixels) for _ in range(3))
-    angle = dr.zeros(mi.Float, pixels)
+
+def mutate_by_updated_energy(
+    scope: Scope,
+    reservoirs: Reservoir,
+    hits: PrimaryHit,
+    plan: MutationPlan,
+    turn: mi.UInt32,
+) -> tuple[Reservoir, Mutated]:
+    """The same against the neighbours' values as they are by now, in sets out of reach."""
+    grid = scope.grid
+    around = surroundings(grid, reservoirs)
+    accepted, raised, lowered = (dr.zeros(mi.UInt32, grid.size) for _ in range(3))
+    angle = dr.zeros(mi.Float, grid.size)
     total = Mutated(mutation_class(reservoirs.path), accepted, raised, lowered, angle)
     result = dr.copy(reservoirs)
     dr.eval(total, result)
     # The order of the sets changes from frame to frame: the stream of the pixel after the last.
-    order = pass_stream(MUTATION, dr.opaque(mi.UInt32, pixels), sample, seed)
+    order = scope.key.stream(Purpose.MUTATION, dr.opaque(mi.UInt32, grid.size))
     first, _ = order.words(0, 0)
     for index in range(SPACING**2):
         number = (first + dr.opaque(mi.UInt32, index)) % SPACING**2
-        pixel, inside = pixels_of_set(number, SPACING, set_lanes(size, SPACING), width, height)
+        pixel, inside = spaced_pixels(grid, SPACING, number)
         own = dr.gather(Reservoir, reservoirs, pixel, inside)
         there = dr.gather(PrimaryHit, hits, pixel, inside)
-        rule = blue_noise_rule(around, pixel, own.weight, blend)
-        moved, mutated = decorrelate(scene, sensor, own, there, *steps, rule, pixel)
+        rule = energy_rule(around, pixel, own.weight, plan.energy_weight)
+        moved, mutated = run_chain(scope, own, there, pixel, plan, rule)
         value = normalised(target(moved.color) * own.weight, around.mean)
         dr.scatter(result, moved, pixel, inside)
         dr.scatter(total, mutated, pixel, inside)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.grid import Grid
 from ..paths.spectrum import target
-from .neighborhood import local_mean
+from .around import local_mean
 
 MEMORY = 64
 """Frames after which the newest's share stays as it is then, and the mean becomes exponential."""
@@ -19,12 +19,12 @@ MEMORY = 64
 class ColorHistory:
     """What earlier frames say about a pixel's colour.
 
-    Fields: ``color`` (``Color3f``, mean of the plain averages, light seen directly left out),
-    ``frames`` (``Float``, how many frames it knows; at most :data:`MEMORY`).
+    Fields: ``color`` (mean of the plain averages, light seen directly left out), ``frames`` (how
+    many frames it knows; at most :data:`MEMORY`).
     """
 
-    color: Any
-    frames: Any
+    color: mi.Color3f
+    frames: mi.Float
 
 
 def no_color_history() -> ColorHistory:
@@ -32,7 +32,7 @@ def no_color_history() -> ColorHistory:
     return ColorHistory(mi.Color3f(0), mi.Float(0))
 
 
-def remember(before: ColorHistory, mean: Any) -> ColorHistory:
+def remember(before: ColorHistory, mean: mi.Color3f) -> ColorHistory:
     """The colour history with this frame in it.
 
     Frame n of a surface counts in proportion to n: its reservoirs, too, know little at first, and
@@ -50,7 +50,7 @@ def remember(before: ColorHistory, mean: Any) -> ColorHistory:
     return ColorHistory(dr.lerp(before.color, mean, 2 / (frames + 1)), frames)
 
 
-def clamped(color: Any, mean: Any, alike: Any, width: Any) -> Any:
+def clamped(grid: Grid, color: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32) -> mi.Color3f:
     """The history, within one standard deviation of the current frame around each pixel.
 
     Behind the edge of a shadow that moves, it forgets where the edge was. Channel by channel, over
@@ -61,16 +61,16 @@ def clamped(color: Any, mean: Any, alike: Any, width: Any) -> Any:
     color, mean : Color3f
         Colour history and this frame's plain average.
     alike : UInt32
-        Result of :func:`.neighborhood.similar_neighbors`.
-    width : UInt32
-        Of the image, in pixels.
+        Result of :func:`.around.similar_neighbors`.
     """
-    centre, square = (local_mean(x, alike, width) for x in (mean, mean * mean))
+    centre, square = (local_mean(grid, x, alike) for x in (mean, mean * mean))
     deviation = dr.sqrt(dr.maximum(square - centre * centre, 0))
     return dr.clip(color, centre - deviation, centre + deviation)
 
 
-def relit(color: Any, mean: Any, alike: Any, further: Any, width: Any) -> Any:
+def relit(
+    grid: Grid, color: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32, further: mi.UInt32
+) -> mi.Color3f:
     """The history, made as bright as the current frame around each pixel.
 
     Where the light changes, the history tells where it was. Multiplied by the ratio of local means
@@ -82,11 +82,9 @@ def relit(color: Any, mean: Any, alike: Any, further: Any, width: Any) -> Any:
     color, mean : Color3f
         Colour history and this frame's plain average.
     alike, further : UInt32
-        Results of :func:`.neighborhood.similar_neighbors` at step 1 and 2.
-    width : UInt32
-        Of the image, in pixels.
+        Results of :func:`.around.similar_neighbors` at step 1 and 2.
     """
     before, now = target(color), target(mean)
     for step, counted in enumerate((alike, further), 1):
-        before, now = (local_mean(x, counted, width, step) for x in (before, now))
+        before, now = (local_mean(grid, x, counted, step) for x in (before, now))
     return color * dr.select(before > 0, now / before, 0)

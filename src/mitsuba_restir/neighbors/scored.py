@@ -11,14 +11,17 @@ favour whom it likes, as long as it does not look at the paths.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
 from ..paths.vertex import exists
-from ..sampling.streams import Stream, path_stream, uniform, uniform2
+from ..resampling.pairwise import Sharing, canonical_share, pull, push
+from ..resampling.reservoir import Reservoir
+from ..sampling.streams import PathName, Stream, uniform, uniform2
+from .exchange import Exchange
+from .similarity import similar
 
 CANDIDATES = 32
 """Candidates of a pixel, shared out among its neighbours."""
@@ -37,21 +40,34 @@ class Disk:
     radius: float
 
 
+def scored(sharing: Sharing, disk: Disk, reservoirs: Reservoir, choices: Stream) -> Exchange:
+    """Reuse picks with good scores of the G-buffer."""
+    pulled, shares, outcomes = [], [], []
+    confidence = mi.Float(reservoirs.confidence)
+    for j in range(sharing.neighbors):
+        other, found = pick(sharing, disk, dr.opaque(mi.UInt32, j), choices)
+        there = dr.gather(PrimaryHit, sharing.hits, other, found)
+        valid = found & similar(sharing.hits, there)
+        theirs = pull(sharing, reservoirs, other, valid, mi.Bool(False))
+        dr.eval(theirs)
+        reach, outcome = push(sharing, reservoirs, other, valid)
+        own = dr.select(valid, canonical_share(sharing, reservoirs, reach), 0)
+        confidence += dr.gather(mi.Float, reservoirs.confidence, other, valid)
+        dr.eval(own, outcome, confidence)
+        pulled.append(theirs)
+        shares.append(own)
+        outcomes += [theirs.outcome, outcome]
+    return Exchange(pulled, shares, confidence, outcomes)
+
+
 @dr.syntax
-def pick_by_score(
-    disk: Disk,
-    hits: PrimaryHit,
-    size: tuple[Any, Any],
-    index: Any,
-    neighbors: int,
-    choices: Stream,
-) -> tuple[Any, Any]:
+def pick(
+    sharing: Sharing, disk: Disk, index: mi.UInt32, choices: Stream
+) -> tuple[mi.UInt32, mi.Bool]:
     """Pick every pixel's ``index``-th neighbour among its share of the candidates.
 
     Parameters
     ----------
-    size : (UInt32, UInt32)
-        Width and height of the image.
     choices : Stream
         Of the round.
 
@@ -62,24 +78,21 @@ def pick_by_score(
     found : Bool
         Whether there is one.
     """
-    width, height = mi.Int32(size[0]), mi.Int32(size[1])
-    pixel = dr.arange(mi.UInt32, dr.width(hits.vertex.p))
-    y = mi.Int32(pixel // size[0])
-    x = mi.Int32(pixel) - y * width
-    random = path_stream(pixel, choices.x + index, choices.y)
+    grid, hits = sharing.scope.grid, sharing.hits
+    pixel = grid.pixels()
+    random = PathName(pixel, choices.x + index, choices.y).stream()
     reach = dr.norm(hits.vertex.p - hits.origin) * (SOLID_ANGLE / dr.pi) ** 0.5
     other = mi.UInt32(pixel)
     total = mi.Float(0)
-    share = -(-CANDIDATES // neighbors)
+    share = -(-CANDIDATES // sharing.neighbors)
     i = mi.UInt32(0)
 
-    while dr.hint(i < share, label="Scores"):
+    while dr.hint(i < share, exclude=[sharing, grid, disk], label="Scores"):
         u, angle = uniform2(random, i, 0)
         sin, cos = dr.sincos(dr.two_pi * angle)
         length = disk.radius * dr.sqrt(u)
-        nx, ny = x + mi.Int32(dr.round(length * cos)), y + mi.Int32(dr.round(length * sin))
-        inside = (nx >= 0) & (ny >= 0) & (nx < width) & (ny < height)
-        candidate = dr.select(inside, mi.UInt32(ny * width + nx), pixel)
+        dx, dy = mi.Int32(dr.round(length * cos)), mi.Int32(dr.round(length * sin))
+        candidate, _ = grid.look(pixel, dx, dy)
         there = dr.gather(PrimaryHit, hits, candidate)
         distance = dr.norm(there.vertex.p - hits.vertex.p)
         alike = dr.maximum(dr.dot(there.normal, hits.normal), 0) ** NORMAL_EXPONENT

@@ -21,15 +21,18 @@ that ranks that meet on the circle are also alike.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.grid import Grid
 from ..paths.primary_hit import PrimaryHit
 from ..paths.vertex import exists
 from ..sampling.dither import MaskTexture
 from ..sampling.streams import Stream, uniform2
+
+Entry = TypeVar("Entry")
 
 SLAB = 0.5
 """Thickness of the slabs of space that tell surfaces apart, at most, relative to their distance."""
@@ -72,39 +75,38 @@ class Groups:
 class Members:
     """The groups' pixels, group after group, one lane each.
 
-    Fields: ``pixel`` (``UInt32``, row-major; 0 outside), ``inside`` (``Bool``, lies in the image),
-    ``level`` (``UInt32``, of the mask).
+    Fields: ``pixel`` (row-major; 0 outside), ``inside`` (lies in the image), ``level`` (of the
+    mask).
     """
 
-    pixel: Any
-    inside: Any
-    level: Any
+    pixel: mi.UInt32
+    inside: mi.Bool
+    level: mi.UInt32
 
 
 @dataclass
 class Ranks:
     """Every pixel's ranks in its class.
 
-    Fields: ``first`` (``UInt32``, where the class begins in the tables), ``count`` (``UInt32``, N;
-    0 for pixels without a surface), ``value``, ``mask`` (``UInt32``, the two ranks), ``confidence``
-    (``Float``, sum over the class), ``by_value``, ``by_mask`` (``UInt32``, tables: the pixel of
-    each rank).
+    Fields: ``first`` (where the class begins in the tables), ``count`` (N; 0 for pixels without a
+    surface), ``value``, ``mask`` (the two ranks), ``confidence`` (sum over the class),
+    ``by_value``, ``by_mask`` (tables: the pixel of each rank).
     """
 
-    first: Any
-    count: Any
-    value: Any
-    mask: Any
-    confidence: Any
-    by_value: Any
-    by_mask: Any
+    first: mi.UInt32
+    count: mi.UInt32
+    value: mi.UInt32
+    mask: mi.UInt32
+    confidence: mi.Float
+    by_value: mi.UInt32
+    by_mask: mi.UInt32
 
-    def source(self, j: Any, neighbors: int) -> Any:
+    def source(self, j: mi.UInt32, neighbors: int) -> mi.UInt32:
         """The pixel whose path every pixel takes as its ``j``-th neighbour's."""
         rank = (j * self.count + self.mask) // neighbors
         return dr.gather(mi.UInt32, self.by_value, self.first + rank, self.count > 0)
 
-    def taker(self, t: int, neighbors: int) -> tuple[Any, Any]:
+    def taker(self, t: int, neighbors: int) -> tuple[mi.UInt32, mi.UInt32]:
         """The ``t``-th pixel that takes every pixel's path, and as the path of which neighbour."""
         edge = self.value * neighbors + t
         j = edge // dr.maximum(self.count, 1)
@@ -124,8 +126,8 @@ def scattered_groups(mask: MaskTexture, radius: float) -> Groups:
     return Groups(mask, max(2, round(SPREAD * radius / side)), side)
 
 
-def surface_labels(hits: PrimaryHit, choices: Stream) -> Any:
-    """Labels (``UInt32``) that like surfaces share: the same main direction and slab of space.
+def surface_labels(hits: PrimaryHit, choices: Stream) -> mi.UInt32:
+    """Labels that like surfaces share: the same main direction and slab of space.
 
     Parameters
     ----------
@@ -143,7 +145,7 @@ def surface_labels(hits: PrimaryHit, choices: Stream) -> Any:
     return dr.select(exists(hits.vertex), label, NOWHERE)
 
 
-def members(groups: Groups, width: int, height: int, choices: Stream) -> Members:
+def members(grid: Grid, groups: Groups, choices: Stream) -> Members:
     """Cut an image into groups.
 
     Parameters
@@ -154,8 +156,8 @@ def members(groups: Groups, width: int, height: int, choices: Stream) -> Members
     """
     cells, side = groups.cells, groups.side
     size, block_side, per_block = cells * cells, cells * side, side * side
-    columns, rows = (-(-extent // block_side) + 1 for extent in (width, height))
-    columns_opaque, width_opaque = dr.opaque(mi.UInt32, columns), dr.opaque(mi.Int32, width)
+    columns, rows = (-(-extent // block_side) + 1 for extent in (grid.columns, grid.rows))
+    columns_opaque = dr.opaque(mi.UInt32, columns)
     lane = dr.arange(mi.UInt32, columns * rows * per_block * size)
     group, member = lane // size, lane % size
     block, inner = group // per_block, group % per_block
@@ -167,19 +169,18 @@ def members(groups: Groups, width: int, height: int, choices: Stream) -> Members
     x = column * block_side + member % cells * side + (inner % side + dx) % side
     y = row * block_side + member // cells * side + (inner // side + dy) % side
     x, y = mi.Int32(x - left % block_side), mi.Int32(y - top % block_side)
-    inside = (x >= 0) & (y >= 0) & (x < width_opaque) & (y < dr.opaque(mi.Int32, height))
+    inside = grid.contains(x, y)
     key, _ = choices.words(_MASK, _COMMON)
     level = groups.mask.level(x, y, key)
-    return Members(dr.select(inside, mi.UInt32(y * width_opaque + x), 0), inside, level)
+    return Members(dr.select(inside, grid.index(mi.UInt32(x), mi.UInt32(y)), 0), inside, level)
 
 
 def rank_pixels(
+    grid: Grid,
     groups: Groups,
-    width: int,
-    height: int,
-    labels: Any,
-    values: Any,
-    confidence: Any,
+    labels: mi.UInt32,
+    values: mi.Float,
+    confidence: mi.Float,
     choices: Stream,
 ) -> Ranks:
     """Group the pixels of an image and rank them.
@@ -194,7 +195,7 @@ def rank_pixels(
     choices : Stream
         Of the round.
     """
-    group = members(groups, width, height, choices)
+    group = members(grid, groups, choices)
     pixel, inside = group.pixel, group.inside
     label = dr.select(inside, dr.gather(mi.UInt32, labels, pixel, inside), NOWHERE)
     value = dr.gather(mi.Float, values, pixel, inside)
@@ -213,8 +214,8 @@ def rank_pixels(
     dr.scatter(by_value, pixel, first + value_rank, used)
     dr.scatter(by_mask, pixel, first + mask_rank, used)
 
-    def of_pixels(entry: Any) -> Any:
-        result = dr.zeros(type(entry), width * height)
+    def of_pixels(entry: Entry) -> Entry:
+        result = dr.zeros(type(entry), grid.size)
         dr.scatter(result, entry, pixel, used)
         return result
 
@@ -229,7 +230,7 @@ def rank_pixels(
     )
 
 
-def turned(rank: Any, count: Any, choices: Stream) -> Any:
+def turned(rank: mi.UInt32, count: mi.UInt32, choices: Stream) -> mi.UInt32:
     """Turn the ranks 0 ... ``count`` - 1 by a random offset, the same for all groups, and fold."""
     word, _ = choices.words(_TURN, _COMMON)
     rank = rank + dr.mul_hi(word, count)
@@ -238,7 +239,12 @@ def turned(rank: Any, count: Any, choices: Stream) -> Any:
 
 
 @dr.syntax
-def _count(begin: Any, lane: Any, size: int, entries: tuple[Any, Any, Any, Any]) -> Any:
+def _count(
+    begin: mi.UInt32,
+    lane: mi.UInt32,
+    size: int,
+    entries: tuple[mi.UInt32, mi.Float, mi.UInt32, mi.Float],
+) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.UInt32, mi.Float]:
     """What comes before each member in its group, by comparing it with all others.
 
     Parameters

@@ -1,0 +1,1 @@
+"""Whose paths a pixel reuses: a strategy a file, and which surfaces are alike."""

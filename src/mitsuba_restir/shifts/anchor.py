@@ -1,0 +1,218 @@
+"""The reconnection vertex of a growing path, and the records of the paths that end on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+
+from ..paths.record import Absent, Continuation, Kind, PathRecord, pack_info
+from ..paths.scattering import LightSample, Scattered, balance
+from ..paths.vertex import Vertex, no_vertex
+from ..sampling.streams import PathName
+from .connectability import Departure, Link
+
+
+@dataclass
+class Follower:
+    """The vertex after the reconnection vertex.
+
+    Fields: ``vertex`` (x_{k+1}), ``wo`` (direction leaving it), ``delta`` (by a delta lobe),
+    ``suffix`` (throughput of the bounces after x_{k+1}'s own).
+    """
+
+    vertex: Vertex
+    wo: mi.Vector3f
+    delta: mi.Bool
+    suffix: mi.Spectrum
+
+
+@dataclass
+class Anchor:
+    """The reconnection vertex that a growing path has found, if ``k`` is not 0.
+
+    Fields: ``k``, ``vertex`` (x_k), ``wo`` (direction leaving it), ``factor`` (p_{k-1} G p_k),
+    ``suffix`` (throughput of the bounces after x_k's own), ``next`` (:class:`Absent` where records
+    need no continuation).
+    """
+
+    k: mi.UInt32
+    vertex: Vertex
+    wo: mi.Vector3f
+    factor: mi.Float
+    suffix: mi.Spectrum
+    next: Follower | Absent
+
+
+@dataclass
+class Place:
+    """Where a growing path is.
+
+    Fields: ``name`` (of the path), ``anchor`` (as found before), ``arrival`` (the pair that ends
+    here), ``vertex`` (x_j), ``index`` (j).
+    """
+
+    name: PathName
+    anchor: Anchor
+    arrival: Link
+    vertex: Vertex
+    index: mi.UInt32
+
+
+def no_anchor(continued: bool) -> Anchor:
+    """The anchor of a path without a reconnection vertex; ``continued``: as records are."""
+    nowhere = Follower(no_vertex(), dr.zeros(mi.Vector3f), mi.Bool(False), mi.Spectrum(1))
+    return Anchor(
+        mi.UInt32(0),
+        no_vertex(),
+        dr.zeros(mi.Vector3f),
+        mi.Float(1),
+        mi.Spectrum(1),
+        nowhere if continued else Absent(),
+    )
+
+
+def onward(place: Place, bounce: Scattered) -> Anchor:
+    """The anchor after one more bounce, from x_j."""
+    anchor, here, j = place.anchor, place.vertex, place.index
+    free = ~bounce.delta & (bounce.pdf <= place.arrival.limit)
+    found = Anchor(
+        j, here, bounce.wo, place.arrival.area_pdf * bounce.pdf, mi.Spectrum(1), anchor.next
+    )
+    anchored = anchor.k != 0
+    follower = anchor.next
+    if isinstance(follower, Follower):
+        follower = dr.select(
+            anchored & (anchor.k + 1 == j),
+            Follower(here, bounce.wo, bounce.delta, mi.Spectrum(1)),
+            replace(follower, suffix=follower.suffix * bounce.weight),
+        )
+    suffix = dr.select(anchored, anchor.suffix * bounce.weight, 1)
+    return dr.select((anchor.k == 0) & free, found, replace(anchor, suffix=suffix, next=follower))
+
+
+def record_hit(
+    place: Place,
+    start: Departure,
+    direction: mi.Vector3f,
+    radiance: mi.Spectrum,
+    light_pdf: mi.Float,
+    on_surface: mi.Bool,
+) -> PathRecord:
+    """Record of the path whose last bounce found the light at x_j.
+
+    Parameters
+    ----------
+    start : Departure
+        How the path left x_{j-1}.
+    direction : Vector3f
+        From x_{j-1} to the light.
+    radiance, light_pdf : Spectrum, Float
+        What it emits, and the density of sampling it from x_{j-1} [1/sr].
+    on_surface : Bool
+        Whether x_j exists; otherwise the light is the environment.
+    """
+    anchor, arrival, here, j = place.anchor, place.arrival, place.vertex, place.index
+    anchored = anchor.k != 0
+    from_anchor = anchored & (anchor.k + 1 == j)
+    to_light = ~anchored & arrival.reaches
+    mis = balance(start.pdf, light_pdf)
+    kind = dr.select(
+        anchored,
+        dr.select(from_anchor, mi.UInt32(Kind.HIT), Kind.FAR),
+        dr.select(
+            arrival.reaches,
+            dr.select(on_surface, mi.UInt32(Kind.LIGHT), Kind.ENVIRONMENT),
+            Kind.REPLAY_HIT,
+        ),
+    )
+    next_kind = mi.UInt32(Kind.EMPTY)
+    continuation: Continuation | Absent = Absent()
+    if isinstance(anchor.next, Follower):
+        second = anchor.k + 2 == j
+        found = dr.select(second, mi.UInt32(Kind.HIT), Kind.FAR)
+        next_kind = dr.select(anchored & ~from_anchor & ~anchor.next.delta, found, next_kind)
+        continuation = Continuation(
+            dr.select(from_anchor, dr.select(on_surface, here, no_vertex()), anchor.next.vertex),
+            anchor.next.wo,
+            dr.select(second, radiance, anchor.next.suffix * radiance * mis),
+            light_pdf,
+        )
+    return PathRecord(
+        place.name,
+        pack_info(
+            kind, False, dr.select(anchored, anchor.k, dr.select(to_light, j, 0)), j, next_kind
+        ),
+        dr.select(anchored, anchor.vertex, dr.select(to_light & on_surface, here, no_vertex())),
+        dr.select(anchored, anchor.wo, direction),
+        dr.select(anchored & ~from_anchor, anchor.suffix * radiance * mis, radiance),
+        light_pdf,
+        dr.select(anchored, anchor.factor, dr.select(to_light, arrival.area_pdf, 1)),
+        continuation,
+    )
+
+
+def record_nee(
+    place: Place,
+    light: LightSample,
+    numbers: mi.Point2f,
+    pdf: mi.Float,
+    scattered: mi.Spectrum,
+    light_pdf: mi.Float,
+) -> PathRecord:
+    """Record of the path that ends in a light sampled from x_j.
+
+    Parameters
+    ----------
+    numbers : Point2f
+        With which the light was sampled.
+    pdf : Float
+        Density with which the BSDF at x_j would have found the light [1/sr].
+    scattered : Spectrum
+        BSDF times cosine at x_j, times the MIS weight.
+    light_pdf : Float
+        Density of the light sample [1/sr]; 0 where only that technique can find the light.
+    """
+    anchor, arrival, here, j = place.anchor, place.arrival, place.vertex, place.index
+    anchored = anchor.k != 0
+    from_here = ~anchored & (pdf <= arrival.limit)
+    kind = dr.select(
+        anchored,
+        mi.UInt32(Kind.FAR),
+        dr.select(from_here, mi.UInt32(Kind.NEE), Kind.REPLAY_NEE),
+    )
+    next_kind = mi.UInt32(Kind.EMPTY)
+    continuation: Continuation | Absent = Absent()
+    if isinstance(anchor.next, Follower):
+        second = anchor.k + 1 == j
+        next_kind = dr.select(
+            second,
+            mi.UInt32(Kind.NEE),
+            dr.select(anchor.next.delta, mi.UInt32(Kind.EMPTY), Kind.FAR),
+        )
+        next_kind = dr.select(anchored, next_kind, Kind.EMPTY)
+        continuation = Continuation(
+            dr.select(second, here, anchor.next.vertex),
+            dr.select(second, light.d, anchor.next.wo),
+            dr.select(second, light.weight, anchor.next.suffix * scattered * light.weight),
+            light_pdf,
+        )
+    # A light sampled before any reconnection vertex is described by the numbers that sampled it.
+    leaving = dr.select(from_here, light.d, mi.Vector3f(numbers.x, numbers.y, 0))
+    return PathRecord(
+        place.name,
+        pack_info(
+            kind,
+            True,
+            dr.select(anchored, anchor.k, dr.select(from_here, j, 0)),
+            j + 1,
+            next_kind,
+        ),
+        dr.select(anchored, anchor.vertex, dr.select(from_here, here, no_vertex())),
+        dr.select(anchored, anchor.wo, leaving),
+        dr.select(anchored, anchor.suffix * scattered * light.weight, light.weight),
+        light_pdf,
+        dr.select(anchored, anchor.factor, dr.select(from_here, arrival.area_pdf, 1)),
+        continuation,
+    )
