@@ -180,9 +180,8 @@ def mutate_by_updated_energy(
     total = Mutated(mutation_class(reservoirs.path), accepted, raised, lowered, angle)
     result = dr.copy(reservoirs)
     dr.eval(total, result)
-    # The order of the sets changes from frame to frame: the stream of the pixel after the last.
-    order = scope.key.stream(Purpose.MUTATION, dr.opaque(mi.UInt32, grid.size))
-    first, _ = order.words(0, 0)
+    # The order of the sets changes from frame to frame.
+    first, _ = scope.key.stream(Purpose.ORDER, 0).words(0, 0)
     for index in range(SPACING**2):
         number = (first + dr.opaque(mi.UInt32, index)) % SPACING**2
         pixel, inside = spaced_pixels(grid, SPACING, number)

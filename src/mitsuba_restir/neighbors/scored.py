@@ -19,7 +19,7 @@ from ..paths.primary_hit import PrimaryHit
 from ..paths.vertex import exists
 from ..resampling.pairwise import Sharing, canonical_share, pull, push
 from ..resampling.reservoir import Reservoir
-from ..sampling.streams import PathName, Stream, uniform, uniform2
+from ..sampling.streams import Stream, uniform, uniform2
 from .exchange import Exchange
 from .similarity import similar
 
@@ -80,7 +80,7 @@ def pick(
     """
     grid, hits = sharing.scope.grid, sharing.hits
     pixel = grid.pixels()
-    random = PathName(pixel, choices.x + index, choices.y).stream()
+    random = choices.fork(index).fork(pixel)
     reach = dr.norm(hits.vertex.p - hits.origin) * (SOLID_ANGLE / dr.pi) ** 0.5
     other = mi.UInt32(pixel)
     total = mi.Float(0)

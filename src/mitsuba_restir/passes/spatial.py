@@ -10,7 +10,7 @@ import mitsuba as mi
 from ..neighbors.exchange import Strategy
 from ..resampling.pairwise import PairEstimators, Sharing, merge
 from ..resampling.reservoir import Reservoir
-from ..sampling.streams import FrameKey, Purpose
+from ..sampling.streams import Purpose
 
 
 @dataclass
@@ -47,9 +47,7 @@ def spatial(
     # Common to all pixels, and anew for every round.
     choices = key.stream(Purpose.NEIGHBORS, round_index)
     exchange = strategy.exchange(sharing, layout, reservoirs, choices)
-    selection = FrameKey(key.sample, key.seed ^ (round_index << 24)).stream(
-        Purpose.SPATIAL, sharing.scope.grid.pixels()
-    )
+    selection = key.stream(Purpose.SPATIAL, sharing.scope.grid.pixels()).fork(round_index)
     reservoirs, color, estimators = merge(
         reservoirs, exchange.pulled, exchange.shares, exchange.confidence, selection
     )

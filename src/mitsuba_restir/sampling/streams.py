@@ -34,6 +34,7 @@ class Purpose(Codes):
     NEIGHBORS = 5  # who the neighbours are
     MUTATION = 6  # proposals and their acceptance
     SELECTION = 7  # the order in which pixels choose what they show
+    ORDER = 8  # the order in which pixels are mutated
 
 
 @dataclass
@@ -48,6 +49,14 @@ class Stream:
         counter = mi.UInt32(vertex) * _BLOCKS + block
         # The odd multiplier (2^32 / golden ratio) spreads neighbouring counters over the word.
         return mi.sample_tea_32(self.x + counter * 0x9E3779B9, self.y, _ROUNDS)
+
+    def fork(self, n: mi.UInt32 | int) -> Stream:
+        """The ``n``-th stream of a family of its own, n < 2^32 - 1.
+
+        The hash is a permutation of the two words, and the second one differs from the stream's:
+        no two forks of a stream are equal, nor is any equal to what the stream itself draws.
+        """
+        return Stream(*mi.sample_tea_32(self.x, self.y + (mi.UInt32(n) + 1), _ROUNDS))
 
 
 @dataclass
