@@ -10,13 +10,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from support import references
-from support.modes import Mode
-from support.runs import bias_report, independent_runs, integrator
-
-from mitsuba_restir.analysis.bias import BiasReport
-from mitsuba_restir.analysis.images import luminance
-from mitsuba_restir.passes import blue_noise_rule as rule_module
 from mitsuba_restir.passes.blue_noise_rule import (
     SPACING,
     TEMPERATURE,
@@ -26,8 +19,15 @@ from mitsuba_restir.passes.blue_noise_rule import (
     mutate_by_rule,
     normalised,
 )
-from mitsuba_restir.passes.decorrelate import metropolis_hastings
 from mitsuba_restir.passes.neighborhood import pixels_of_set, set_lanes
+from support import references
+from support.modes import Mode
+from support.runs import bias_report, independent_runs, integrator
+
+from mitsuba_restir.analysis.bias import BiasReport
+from mitsuba_restir.analysis.images import luminance
+from mitsuba_restir.passes import blue_noise_rule as rule_module
+from mitsuba_restir.passes.decorrelate import metropolis_hastings
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.sampling.georgiev import energy, image_energy
 from mitsuba_restir.studies import load_study, run_study

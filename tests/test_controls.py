@@ -65,8 +65,8 @@ CONTROLS = {
         (
             Mutation("dr.select(sampled, pdf_k, 1)", "1"),
             Mutation(
-                "arrival.jacobian * bounce.pdf",
-                "mi.Float(arrival.jacobian)",
+                "place.arrival.area_pdf * bounce.pdf",
+                "mi.Float(place.arrival.area_pdf)",
             ),
         ),
         "open_room",
@@ -87,7 +87,7 @@ CONTROLS = {
     "pairwise weight of the canonical sample": Control(
         (
             Mutation(
-                "dr.select(theirs.valid, canonical_share(pixels, reservoirs, reach), 0)",
+                "dr.select(theirs.valid, canonical_share(sharing, reservoirs, reach), 0)",
                 "dr.select(theirs.valid, mi.Float(1), 0)",
             ),
         ),
@@ -98,7 +98,7 @@ CONTROLS = {
     "temporal weight of the history": Control(
         (
             Mutation(
-                "m_previous * target(forward.color)",
+                "m_history * target(forward.color)",
                 "target(forward.color)",
             ),
         ),
@@ -119,7 +119,7 @@ CONTROLS = {
         1024,
     ),
     "visibility of the reconnection": Control(
-        (Mutation("dr.select(occluded, OCCLUDED, outcome)", "outcome"),),
+        (Mutation("dr.select(occluded, Outcome.OCCLUDED, outcome)", "outcome"),),
         "room",
         (0, 4),
         256,
@@ -147,7 +147,7 @@ CONTROLS = {
         256,
     ),
     "connectability of the new pair": Control(
-        (Mutation("(outcome == OK) & ~fits", "mi.Bool(False)"),),
+        (Mutation("(outcome == Outcome.OK) & ~fits", "mi.Bool(False)"),),
         "far_room",
         (5, 0),
         256,

@@ -14,6 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from mitsuba_restir.shifts.pivot import CLASSES, movable
 from scipy import stats
 from support import references
 from support.modes import Mode
@@ -28,7 +29,6 @@ from mitsuba_restir.passes.decorrelate import decorrelate, metropolis_hastings
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.shifts.hybrid import shift
 from mitsuba_restir.shifts.mapping import OK
-from mitsuba_restir.shifts.pivot import CLASSES, movable
 
 STEP = 0.2
 

@@ -16,7 +16,7 @@ from mitsuba_restir.sampling.streams import (
     LIGHT,
     LOBE,
     WAVELENGTH,
-    path_stream,
+    PathName,
     uniform2,
 )
 
@@ -30,19 +30,25 @@ def blue():
     return masks.void_and_cluster(64, 0)
 
 
-def dither(ranks, vertices=1, width=WIDTH):
-    return Dither(mask_texture(ranks), dr.opaque(mi.UInt32, width), vertices)
+def dither(ranks, vertices=1):
+    return Dither(mask_texture(ranks), vertices)
 
 
-def samples(pixel, sample, seed, setting, vertex=1):
+def dithered(name, setting, width=WIDTH):
+    """The stream of a path (pixel, sample, seed) in an image of that width."""
+    pixel = mi.UInt32(name[0])
+    return setting.stream(PathName(*name), pixel % width, pixel // width)
+
+
+def samples(pixel, sample, seed, setting, vertex=1, width=WIDTH):
     """The five numbers of a vertex that can be dithered, (5, lanes)."""
-    stream = path_stream(pixel, sample, seed, setting)
+    stream = dithered((pixel, sample, seed), setting, width)
     blocks = {
         block: uniform2(stream, mi.UInt32(vertex), block) for block in (LOBE, DIRECTION, LIGHT)
     }
-    width = max(dr.width(pixel), dr.width(sample), dr.width(seed))
+    lanes = max(dr.width(pixel), dr.width(sample), dr.width(seed))
     return np.stack(
-        [np.array(blocks[block][i] + dr.zeros(mi.Float, width)) for block, i in DITHERED]
+        [np.array(blocks[block][i] + dr.zeros(mi.Float, lanes)) for block, i in DITHERED]
     )
 
 
@@ -97,10 +103,11 @@ def test_a_fixed_offset_is_not_uniform(rgb, blue):
 def test_spectrum_over_pixels_is_blue(rgb, blue, sample):
     pixel = dr.arange(mi.UInt32, 64 * 64)
     for ranks, below in ((blue, 0.2), (masks.white(64, 0), None)):
-        setting = dither(ranks, width=64)
+        setting = dither(ranks)
         powers = []
         for seed in range(6):
-            u = samples(pixel, mi.UInt32(sample), mi.UInt32(seed), setting).reshape(5, 64, 64)
+            u = samples(pixel, mi.UInt32(sample), mi.UInt32(seed), setting, width=64)
+            u = u.reshape(5, 64, 64)
             powers.append([power_spectrum(v, window="none") * 12.0 for v in u])
         # Rotating the values (the fractional part) splits some neighbours and costs blueness.
         low, high = band_power(np.mean(powers, axis=0), [(0.0, 0.125), (0.35, 0.5)]).T
@@ -140,9 +147,9 @@ def test_replay_is_exact_from_the_record(rgb, blue):
 
 def test_only_the_first_dimensions_are_dithered(rgb, blue):
     name = (dr.arange(mi.UInt32, 1000), mi.UInt32(3), mi.UInt32(4))
-    plain = path_stream(*name)
+    plain = PathName(*name).stream()
     for vertices in (1, 2):
-        stream = path_stream(*name, dither(blue, vertices))
+        stream = dithered(name, dither(blue, vertices))
         for vertex, block in itertools.product(range(5), (LOBE, DIRECTION, LIGHT, WAVELENGTH)):
             pair = zip(uniform2(stream, vertex, block), uniform2(plain, vertex, block), strict=True)
             for i, (a, b) in enumerate(pair):
@@ -153,7 +160,7 @@ def test_only_the_first_dimensions_are_dithered(rgb, blue):
 def test_vertex_may_differ_from_lane_to_lane(rgb, blue):
     setting = dither(blue, 2)
     pixel = mi.UInt32(4, 4, 4, 4)
-    stream = path_stream(pixel, mi.UInt32(1), mi.UInt32(2), setting)
+    stream = dithered((pixel, mi.UInt32(1), mi.UInt32(2)), setting)
     mixed = np.array(uniform2(stream, mi.UInt32(0, 1, 2, 3), DIRECTION)[0])
     for vertex in range(4):
         assert mixed[vertex] == np.array(uniform2(stream, vertex, DIRECTION)[0])[0]
@@ -191,7 +198,7 @@ def test_samples_of_a_pixel_are_even_in_pairs(rgb, blue, shape, vertex):
 
 @dr.syntax
 def walk(setting, pixel, sample, seed):
-    stream = path_stream(pixel, sample, seed, setting)
+    stream = dithered((pixel, sample, seed), setting)
     vertex, total = mi.UInt32(1), mi.Float(0)
     while vertex < 4:
         a, b = uniform2(stream, vertex, DIRECTION)
@@ -208,7 +215,7 @@ def test_runs_inside_symbolic_loops_and_frozen_functions(rgb, blue):
         name = dr.opaque(mi.UInt32, sample), dr.opaque(mi.UInt32, 7)
         expected = np.zeros(256, np.float32)
         for vertex in (1, 2, 3):
-            a, b = uniform2(path_stream(pixel, *name, setting), vertex, DIRECTION)
+            a, b = uniform2(dithered((pixel, *name), setting), vertex, DIRECTION)
             expected += np.array(a * b)
         np.testing.assert_allclose(np.array(frozen(setting, pixel, *name)), expected, rtol=1e-6)
 

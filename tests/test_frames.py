@@ -107,7 +107,7 @@ def test_no_invalid_values(rgb, name, mode):
             reservoirs.color,
             reservoirs.confidence,
             reservoirs.path.radiance,
-            reservoirs.path.jacobian,
+            reservoirs.path.factor,
         ):
             assert np.isfinite(np.array(value)).all()
             assert np.array(value).min() >= 0

@@ -8,13 +8,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from mitsuba_restir.passes.alternate import decorrelate_alternating, pixels_of_set, stride
 from support import references
 from support.modes import Mode
 from support.runs import integrator
 from test_decorrelate import STEP, mutating
 from test_unbiased import ROOM, check
 
-from mitsuba_restir.passes.alternate import decorrelate_alternating, pixels_of_set, stride
 from mitsuba_restir.passes.decorrelate import decorrelate, metropolis_hastings
 
 FRESH = Mode({"temporal": False, "spatial": False})

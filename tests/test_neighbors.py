@@ -10,6 +10,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from mitsuba_restir.passes.neighbors import SAMPLING, expected_confidence, spatial
+from mitsuba_restir.passes.ranks import NOWHERE, Groups, rank_pixels, scattered_groups, turned
 from scipy import stats
 from support import references
 from support.modes import MODES, Mode
@@ -20,8 +22,6 @@ from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.analysis.spectrum import band_power, power_spectrum
 from mitsuba_restir.integrators import frame as frame_module
 from mitsuba_restir.passes import neighbors as neighbors_module
-from mitsuba_restir.passes.neighbors import SAMPLING, expected_confidence, spatial
-from mitsuba_restir.passes.ranks import NOWHERE, Groups, rank_pixels, scattered_groups, turned
 from mitsuba_restir.passes.spatial import Pixels, canonical_share, merge, pull, push
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.sampling.dither import mask_texture

@@ -10,7 +10,7 @@ from scipy import stats
 
 from mitsuba_restir.paths.record import empty_record
 from mitsuba_restir.resampling.mis import density, share
-from mitsuba_restir.resampling.reservoir import Reservoir, empty_reservoir, finalize, offer
+from mitsuba_restir.resampling.reservoir import Streaming, empty_streaming, finalize, offer
 from mitsuba_restir.sampling import streams
 
 LANES = 1 << 17
@@ -18,7 +18,8 @@ WEIGHTS = (0.5, 0.0, 2.0, 1.0, 0.25, 4.0)
 
 
 def uniform(vertex: int) -> mi.Float:
-    stream = streams.pass_stream(9, dr.arange(mi.UInt32, LANES), mi.UInt32(0), mi.UInt32(0))
+    key = streams.FrameKey(mi.UInt32(0), mi.UInt32(0))
+    stream = key.stream(9, dr.arange(mi.UInt32, LANES))
     return streams.uniform2(stream, vertex, 0)[0]
 
 
@@ -28,9 +29,9 @@ def labelled(label: int):
     return record
 
 
-def streamed(weights, first: int = 0) -> Reservoir:
+def streamed(weights, first: int = 0) -> Streaming:
     """Candidates with luminance w and label 0, 1, ..., each offered with its weight w."""
-    reservoir = empty_reservoir(False)
+    reservoir = empty_streaming(False)
     for i, weight in enumerate(weights):
         reservoir = offer(
             reservoir,
@@ -51,12 +52,12 @@ def test_selection_frequencies(rgb):
     assert observed[1] == 0
     chosen = expected > 0
     assert stats.chisquare(observed[chosen], expected[chosen]).pvalue > 1e-4
-    np.testing.assert_allclose(np.array(reservoir.weight), sum(WEIGHTS), rtol=1e-6)
+    np.testing.assert_allclose(np.array(reservoir.total), sum(WEIGHTS), rtol=1e-6)
 
 
 def test_contribution_weight(rgb):
     count = len(WEIGHTS)
-    reservoir = finalize(streamed(WEIGHTS), count)
+    reservoir = finalize(streamed(WEIGHTS), count, mi.Float(count))
     color, weight = np.array(reservoir.color)[0], np.array(reservoir.weight)
     # Luminance times weight is the mean resampling weight, whichever candidate was selected.
     np.testing.assert_allclose(color * weight, sum(WEIGHTS) / count, rtol=1e-5)
@@ -65,14 +66,14 @@ def test_contribution_weight(rgb):
 def test_merging_equals_streaming(rgb):
     """Two reservoirs merged by their sums select as one that saw all candidates."""
     halves = [streamed(WEIGHTS[:3]), streamed(WEIGHTS[3:], first=3)]
-    merged = empty_reservoir(False)
+    merged = empty_streaming(False)
     for i, half in enumerate(halves):
-        merged = offer(merged, half.path, half.color, half.weight, uniform(20 + i), mi.Bool(True))
+        merged = offer(merged, half.path, half.color, half.total, uniform(20 + i), mi.Bool(True))
     observed = np.bincount(np.array(merged.path.info), minlength=len(WEIGHTS))
     expected = LANES * np.array(WEIGHTS) / sum(WEIGHTS)
     chosen = expected > 0
     assert stats.chisquare(observed[chosen], expected[chosen]).pvalue > 1e-4
-    np.testing.assert_allclose(np.array(merged.weight), sum(WEIGHTS), rtol=1e-6)
+    np.testing.assert_allclose(np.array(merged.total), sum(WEIGHTS), rtol=1e-6)
 
 
 @pytest.mark.parametrize("weight", [np.nan, -1.0, 0.0])
@@ -80,7 +81,7 @@ def test_what_is_no_weight_is_no_candidate(rgb, weight):
     before = streamed(WEIGHTS)
     after = offer(before, labelled(9), mi.Color3f(1), mi.Float(weight), uniform(9), mi.Bool(True))
     assert not np.any(np.array(after.path.info) == 9)
-    np.testing.assert_array_equal(np.array(after.weight), np.array(before.weight))
+    np.testing.assert_array_equal(np.array(after.total), np.array(before.total))
 
 
 def test_inactive_lanes_keep_their_sample(rgb):
@@ -92,7 +93,7 @@ def test_inactive_lanes_keep_their_sample(rgb):
 
 
 def test_empty_reservoir_has_no_weight(rgb):
-    assert np.all(np.array(finalize(empty_reservoir(False), 1).weight) == 0)
+    assert np.all(np.array(finalize(empty_streaming(False), 1, mi.Float(1)).weight) == 0)
 
 
 def test_balance_weights_are_a_partition(rgb):

@@ -15,16 +15,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from mitsuba_restir.passes.color_history import ColorHistory, no_color_history, remember
+from mitsuba_restir.passes.neighborhood import OFFSETS, local_mean, similar_neighbors
+from mitsuba_restir.passes.reuse import similar
 from scipy import stats
 from support import rooms
 from support.mutants import Mutation, apply
 
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.passes import color_history, neighborhood, selection
-from mitsuba_restir.passes.color_history import ColorHistory, no_color_history, remember
-from mitsuba_restir.passes.neighborhood import OFFSETS, local_mean, similar_neighbors
 from mitsuba_restir.passes.primary import primary
-from mitsuba_restir.passes.reuse import similar
 from mitsuba_restir.passes.spatial import PairEstimators
 
 WIDTH, HEIGHT = 96, 64

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
@@ -12,13 +11,18 @@ import pytest
 from support import references, rooms
 from support.transport import candidates, neighbour, recorded_shift
 
-from mitsuba_restir.paths import record as kinds
 from mitsuba_restir.paths.primary_hit import PrimaryHit
-from mitsuba_restir.paths.record import PathRecord
+from mitsuba_restir.paths.record import (
+    Kind,
+    PathRecord,
+    kind_of,
+    reconnection_index,
+    with_factor,
+)
 from mitsuba_restir.paths.vertex import exists, seen_from
 from mitsuba_restir.resampling.reservoir import Reservoir
-from mitsuba_restir.shifts import mapping as outcomes
 from mitsuba_restir.shifts.hybrid import Shifted
+from mitsuba_restir.shifts.mapping import Outcome
 
 SHIFTS = {
     "hybrid": {},
@@ -39,11 +43,11 @@ def frames(name: str, count: int, **parameters):
     case = references.CASES[name]
     scene = case.load()
     recorded = None
-    for mapping, reservoirs, hits in itertools.islice(
+    for renderer, reservoirs, hits in itertools.islice(
         candidates(case.max_depth, scene, **parameters), count
     ):
-        recorded = recorded or recorded_shift(mapping)
-        yield scene, recorded, mapping, reservoirs, hits
+        recorded = recorded or recorded_shift(renderer)
+        yield scene, recorded, renderer._plan.mapping, reservoirs, hits
 
 
 def relative(a, b) -> np.ndarray:
@@ -74,9 +78,9 @@ def test_identity_and_round_trip(rgb, name, kind):
         there = r.weight > 0
         own = shift(scene, r.path, hits, there)
         if not mapping.replays:  # pure reconnection knows only paths that need no replay
-            there &= own.outcome != outcomes.UNCONNECTABLE
-        replayed = np.array(kinds.kind_of(r.path) < kinds.FAR)
-        kept = np.array(own.outcome) == outcomes.OK
+            there &= own.outcome != Outcome.UNCONNECTABLE
+        replayed = np.array(kind_of(r.path) < Kind.FAR)
+        kept = np.array(own.outcome) == Outcome.OK
         error = np.maximum(relative(own.color, r.color), np.abs(np.array(own.jacobian) - 1))
         there = np.array(there)
         rounding.append(error[there & kept & ~replayed])
@@ -88,10 +92,10 @@ def test_identity_and_round_trip(rgb, name, kind):
         near = dr.gather(PrimaryHit, hits, other, inside)
         path = dr.gather(PathRecord, r.path, other, inside)
         start = dr.gather(Shifted, own, other, inside)
-        forth = shift(scene, path, hits, inside & (start.outcome == outcomes.OK))
-        arrived = forth.outcome == outcomes.OK
-        back = shift(scene, replace(path, jacobian=forth.factor), near, arrived)
-        arrived, returned = np.array(arrived), np.array(back.outcome) == outcomes.OK
+        forth = shift(scene, path, hits, inside & (start.outcome == Outcome.OK))
+        arrived = forth.outcome == Outcome.OK
+        back = shift(scene, with_factor(path, forth.factor), near, arrived)
+        arrived, returned = np.array(arrived), np.array(back.outcome) == Outcome.OK
         # From the path as it is reconnected: J J^-1 = 1 and F as it was.
         ratio = np.array(back.jacobian * forth.factor / start.factor, np.float64)
         same = (relative(back.color, start.color) < CLOSE) & (np.abs(ratio - 1) < CLOSE)
@@ -126,7 +130,7 @@ def test_shifts_succeed(rgb, name, rate):
         there = inside & (theirs.weight > 0) & exists(hits.vertex)
         moved = shift(scene, theirs.path, hits, there)
         tried += np.array(there).sum()
-        arrived += (np.array(moved.outcome) == outcomes.OK).sum()
+        arrived += (np.array(moved.outcome) == Outcome.OK).sum()
     print(f"{name}: {arrived / tried:.1%} of {tried} shifts succeed")
     assert arrived > rate * tried
 
@@ -139,7 +143,7 @@ def test_nothing_comes_of_nothing(rgb):
         assert not dr.any(sky & (r.weight > 0))
         no_lane = dr.full(mi.Bool, False, dr.width(sky))
         idle = shift(scene, r.path, hits, no_lane)
-        assert dr.all(idle.outcome == outcomes.EMPTY)
+        assert dr.all(idle.outcome == Outcome.EMPTY)
         assert dr.all(dr.max(idle.color) == 0)
         assert dr.all(idle.jacobian == 1)
 
@@ -176,19 +180,19 @@ def test_jacobian_agrees_with_finite_differences(rgb):
     scene = mi.load_dict(description)
     compared = 0
     recorded = None
-    for mapping, r, hits in itertools.islice(candidates(5, scene), 8):
+    for renderer, r, hits in itertools.islice(candidates(5, scene), 8):
         other, inside = neighbour(scene, (6, 5))
         theirs = dr.gather(Reservoir, r, other, inside)
         near = dr.gather(PrimaryHit, hits, other, inside)
-        recorded = recorded or recorded_shift(mapping)
+        recorded = recorded or recorded_shift(renderer)
         own = recorded(scene, r.path, hits, r.weight > 0)
         start = dr.gather(mi.Float, own.factor, other, inside)
         moved = recorded(scene, theirs.path, hits, inside & (theirs.weight > 0))
         ray, pi = seen_from(theirs.path.vertex, near.vertex.p, [])
         si = pi.compute_surface_interaction(ray)
         use = np.array(
-            (moved.outcome == outcomes.OK)
-            & (kinds.reconnection_index(theirs.path) == 2)
+            (moved.outcome == Outcome.OK)
+            & (reconnection_index(theirs.path) == 2)
             & (dr.abs(dr.dot(si.n, ray.d)) > 0.05)
         )
         x, nx, y, ny, p, n = (
@@ -216,11 +220,11 @@ def test_pairwise_weights_are_a_partition(rgb):
         path = dr.gather(PathRecord, r.path, other, inside)
         own = shift(scene, r.path, hits, r.weight > 0)
         start = dr.gather(Shifted, own, other, inside)
-        path = replace(path, jacobian=start.factor)
-        forth = shift(scene, path, hits, inside & (start.outcome == outcomes.OK))
-        path = replace(path, jacobian=forth.factor)
-        back = shift(scene, path, near, forth.outcome == outcomes.OK)
-        both = np.array((forth.outcome == outcomes.OK) & (back.outcome == outcomes.OK))
+        path = with_factor(path, start.factor)
+        forth = shift(scene, path, hits, inside & (start.outcome == Outcome.OK))
+        path = with_factor(path, forth.factor)
+        back = shift(scene, path, near, forth.outcome == Outcome.OK)
+        both = np.array((forth.outcome == Outcome.OK) & (back.outcome == Outcome.OK))
         here = np.array(mi.luminance(forth.color), np.float64)[both]
         there = np.array(mi.luminance(start.color) / forth.jacobian, np.float64)[both]
         seen = np.array(mi.luminance(back.color) * back.jacobian, np.float64)[both]

@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 from mitsuba_restir.sampling import streams
+from mitsuba_restir.sampling.streams import FrameKey, PathName, Purpose
 
 LANES = 1 << 16
 
@@ -20,9 +21,9 @@ def numbers(pixel=0, sample=0, seed=0, vertex=1, block=0, purpose=None) -> np.nd
         lane if value is None else mi.UInt32(value) for value in (pixel, sample, seed, vertex)
     )
     if purpose is None:
-        stream = streams.path_stream(pixel, sample, seed)
+        stream = PathName(pixel, sample, seed).stream()
     else:
-        stream = streams.pass_stream(purpose, pixel, sample, seed)
+        stream = FrameKey(sample, seed).stream(purpose, pixel)
     u, v = streams.uniform2(stream, vertex, block)
     return np.stack([np.broadcast_to(np.array(x), LANES) for x in (u, v)]).astype(np.float64)
 
@@ -31,7 +32,7 @@ AXES = [{axis: None} for axis in ("pixel", "sample", "seed", "vertex")]
 
 
 @pytest.mark.parametrize("axis", AXES, ids=lambda a: next(iter(a)))
-@pytest.mark.parametrize("purpose", [None, streams.SPATIAL])
+@pytest.mark.parametrize("purpose", [None, Purpose.SPATIAL])
 def test_uniform(rgb, axis, purpose):
     u = numbers(**axis, purpose=purpose)
     assert u.min() >= 0

@@ -10,7 +10,7 @@ import zoo
 
 from mitsuba_restir.paths.scattering import scatter
 from mitsuba_restir.paths.vertex import compact, seen_from
-from mitsuba_restir.sampling.streams import path_stream
+from mitsuba_restir.sampling.streams import PathName
 
 SAMPLES = 24
 
@@ -59,7 +59,8 @@ def test_scattering_weight_is_f_over_p(rgb):
     si = pi.compute_surface_interaction(ray)
     bsdf = si.bsdf()
     lane = dr.arange(mi.UInt32, dr.width(ray))
-    bounce = scatter(si, bsdf, path_stream(lane, mi.UInt32(1), mi.UInt32(0)), 1, si.is_valid())
+    stream = PathName(lane, mi.UInt32(1), mi.UInt32(0)).stream()
+    bounce = scatter(si, bsdf, stream, 1, si.is_valid())
 
     value, pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(bounce.wo))
     smooth = np.array(si.is_valid() & ~bounce.delta & (bounce.pdf > 0) & (pdf > 0))

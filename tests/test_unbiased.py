@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import mitsuba as mi
@@ -11,6 +12,7 @@ from support.modes import MODES, Mode
 from support.runs import assert_unbiased, bias_report, independent_runs, integrator
 
 from mitsuba_restir.sampling.dither import Dither
+from mitsuba_restir.sampling.streams import PathName
 
 # Runs of one test, and the relative error of the image that is found with probability 0.99.
 ZOO = {
@@ -75,8 +77,8 @@ def test_dithered_seeds_and_ranked_neighbors(rgb):
 def test_a_fixed_mask_is_seen(rgb, monkeypatch):
     drawn = Dither.stream
 
-    def fixed(self: Dither, hashed: Any, pixel: Any, sample: Any, seed: Any) -> Any:
-        return drawn(self, hashed, pixel, sample, 0 * seed)
+    def fixed(self: Dither, name: PathName, x: Any, y: Any) -> Any:
+        return drawn(self, replace(name, seed=0 * name.seed), x, y)
 
     monkeypatch.setattr(Dither, "stream", fixed)
     case, mode = references.CASES["room"], MODES["both"]

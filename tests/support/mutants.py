@@ -1,7 +1,7 @@
 """Mutants: functions of the package with one piece left out, to show that the tests would see it.
 
-A mutant is a replacement in a function's source text. It fails loudly where the text is no longer
-there, so that a control cannot lose its meaning unnoticed.
+A mutant is a replacement in the source text of a function or method. It fails loudly where the text
+is no longer there, so that a control cannot lose its meaning unnoticed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import itertools
 import linecache
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,12 +21,12 @@ import pytest
 _NUMBER = itertools.count()
 
 
-_PACKAGES = ("paths", "shifts", "resampling", "passes")
+_PACKAGES = ("paths", "shifts", "resampling", "neighbors", "mutations", "passes")
 
 
 @dataclass(frozen=True)
 class Mutation:
-    """In the one function of the core that has the text ``old``, it becomes ``new``."""
+    """In the one function or method of the core with the text ``old``, it becomes ``new``."""
 
     old: str
     new: str
@@ -36,20 +36,34 @@ def apply(monkeypatch: pytest.MonkeyPatch, mutations: tuple[Mutation, ...]) -> N
     """Put mutants in the place of the originals, in every module that imported them."""
     for mutation in mutations:
         found = [
-            (module, function)
+            (module, owner, function)
             for module in _modules()
-            for function in vars(module).values()
-            if inspect.isfunction(function)
-            and function.__module__ == module.__name__
-            and mutation.old in inspect.getsource(function)
+            for owner in (module, *_classes(module))
+            for function in _functions(module, owner)
+            if mutation.old in inspect.getsource(function)
         ]
         assert len(found) == 1, f"{len(found)} functions have the text {mutation.old!r}"
-        ((module, original),) = found
+        ((module, owner, original),) = found
         mutant = _mutant(module, original, mutation)
-        for other in [sys.modules[name] for name in sys.modules if name in _everywhere()]:
+        for other in (owner, *(sys.modules[name] for name in _everywhere())):
             for key, value in list(vars(other).items()):
                 if value is original:
                     monkeypatch.setattr(other, key, mutant)
+
+
+def _classes(module: Any) -> list[type]:
+    """Classes that the module defines."""
+    members = vars(module).values()
+    return [c for c in members if inspect.isclass(c) and c.__module__ == module.__name__]
+
+
+def _functions(module: Any, owner: Any) -> Iterator[Callable[..., Any]]:
+    """Functions of the module, or methods of one of its classes, that have a source."""
+    for function in vars(owner).values():
+        if inspect.isfunction(function) and function.__module__ == module.__name__:
+            # What a dataclass generates has none.
+            if function.__code__.co_filename != "<string>":
+                yield function
 
 
 def _everywhere() -> list[str]:

@@ -19,16 +19,17 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_restir.analysis.bias import BiasReport
-from mitsuba_restir.passes import decorrelate as pass_module
 from mitsuba_restir.paths.primary_hit import PrimaryHit
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.paths.vertex import exists
 from mitsuba_restir.resampling.reservoir import Reservoir
 from mitsuba_restir.shifts import hybrid
+from mitsuba_restir.shifts.scope import Scope
 
 from .modes import Mode
 from .references import Case
 from .runs import bias_report, integrator
+from .scopes import mutate, mutation_plan, scope_of
 from .transport import neighbour
 
 FRESH = Mode({"temporal": False, "spatial": False})
@@ -54,14 +55,14 @@ def differences(
             renderer.render(scene, seed=seed, spp=mode.spp)
         seed += 1
         if recorded is None:
-            recorded = dr.freeze(_difference(renderer._plan.mapping, mutations, step))
+            recorded = dr.freeze(_difference(renderer, mutations, step))
         history = renderer._history
         number = dr.opaque(mi.UInt32, 1000 + seed)
         d = recorded(scene, history.reservoirs, history.hits, other, inside, number)
         yield np.array(d).T.reshape(height, width, 3).astype(np.float64)
 
 
-def _difference(mapping: Any, mutations: int, step: float) -> Any:
+def _difference(renderer: Any, mutations: int, step: float) -> Any:
     def difference(
         scene: mi.Scene,
         reservoirs: Reservoir,
@@ -70,34 +71,20 @@ def _difference(mapping: Any, mutations: int, step: float) -> Any:
         inside: Any,
         number: Any,
     ) -> Any:
-        mutated, _ = pass_module.decorrelate(
-            scene,
-            None,
-            reservoirs,
-            hits,
-            mutations,
-            step,
-            number,
-            number,
-            mapping,
-            pass_module.metropolis_hastings,
-        )
+        scope = scope_of(renderer, scene, number=number, seed=number)
+        mutated, _ = mutate(scope, reservoirs, hits, mutation_plan(mutations, step))
         dr.eval(mutated)
         near = dr.gather(PrimaryHit, hits, other, inside)
         valid = inside & exists(near.vertex)
-        return _seen(scene, mutated, near, mapping, valid) - _seen(
-            scene, reservoirs, near, mapping, valid
-        )
+        return _seen(scope, mutated, near, valid) - _seen(scope, reservoirs, near, valid)
 
     return difference
 
 
-def _seen(
-    scene: mi.Scene, reservoirs: Reservoir, near: PrimaryHit, mapping: Any, valid: Any
-) -> Any:
+def _seen(scope: Scope, reservoirs: Reservoir, near: PrimaryHit, valid: Any) -> Any:
     """What the neighbour gets: m F |J| W."""
     valid = valid & (reservoirs.weight > 0)
-    shifted = hybrid.shift(scene, None, reservoirs.path, near, mapping, valid)
+    shifted = hybrid.shift(scope, reservoirs.path, near, valid)
     here = target(reservoirs.color) / shifted.jacobian
     there = target(shifted.color)
     share = dr.select(there > 0, here / (here + there), 0)

@@ -31,18 +31,19 @@ from mitsuba_restir.shifts import hybrid
 from .modes import Mode
 from .references import Case
 from .runs import bias_report, integrator
+from .scopes import scope_of
 
 
 def candidates(
     max_depth: int, scene: mi.Scene, spp: int = 1, **parameters: Any
 ) -> Iterator[tuple[Any, Reservoir, PrimaryHit]]:
-    """Fresh reservoirs and primary hits of one frame after the other, for ever."""
+    """The renderer, fresh reservoirs and primary hits of one frame after the other, for ever."""
     mode = Mode({"temporal": False, "spatial": False, **parameters})
     renderer = integrator(max_depth, mode)
     seed = 0
     while True:
         renderer.render(scene, seed=seed, spp=spp)
-        yield renderer._plan.mapping, renderer._history.reservoirs, renderer._history.hits
+        yield renderer, renderer._history.reservoirs, renderer._history.hits
         seed += 1
 
 
@@ -56,12 +57,12 @@ def neighbour(scene: mi.Scene, offset: tuple[int, int]) -> tuple[Any, Any]:
     return dr.select(inside, mi.UInt32(y * width + x), 0), inside
 
 
-def recorded_shift(mapping: Any) -> Any:
+def recorded_shift(renderer: Any) -> Any:
     """The shift as a function of (scene, path, hits, active), recorded once."""
 
     @dr.freeze
     def shift(scene: mi.Scene, path: Any, hits: PrimaryHit, active: Any) -> hybrid.Shifted:
-        return hybrid.shift(scene, None, path, hits, mapping, active)
+        return hybrid.shift(scope_of(renderer, scene), path, hits, active)
 
     return shift
 
@@ -73,14 +74,14 @@ def transport_errors(
     width, height = scene.sensors()[0].film().crop_size()
     other, inside = neighbour(scene, offset)
     recorded = None
-    for mapping, reservoirs, hits in candidates(max_depth, scene, **parameters):
+    for renderer, reservoirs, hits in candidates(max_depth, scene, **parameters):
         if recorded is None:
-            recorded = dr.freeze(_errors(mapping))
+            recorded = dr.freeze(_errors(renderer))
         d = recorded(scene, scene.sensors()[0], reservoirs, hits, other, inside)
         yield np.array(d).T.reshape(height, width, 3).astype(np.float64)
 
 
-def _errors(mapping: Any) -> Any:
+def _errors(renderer: Any) -> Any:
     def errors(
         scene: mi.Scene,
         sensor: mi.Sensor,
@@ -89,16 +90,12 @@ def _errors(mapping: Any) -> Any:
         other: Any,
         inside: Any,
     ) -> Any:
-        sensor = sensor if mi.is_spectral else None
+        scope = scope_of(renderer, scene, sensor)
         near = dr.gather(PrimaryHit, hits, other, inside)
         theirs = dr.gather(Reservoir, reservoirs, other, inside)
         valid = inside & exists(hits.vertex) & exists(near.vertex)
-        forward = hybrid.shift(
-            scene, sensor, theirs.path, hits, mapping, valid & (theirs.weight > 0)
-        )
-        backward = hybrid.shift(
-            scene, sensor, reservoirs.path, near, mapping, valid & (reservoirs.weight > 0)
-        )
+        forward = hybrid.shift(scope, theirs.path, hits, valid & (theirs.weight > 0))
+        backward = hybrid.shift(scope, reservoirs.path, near, valid & (reservoirs.weight > 0))
         shifted = target(theirs.color) / forward.jacobian
         left_share = shifted / (shifted + target(forward.color))
         back = target(backward.color) * backward.jacobian

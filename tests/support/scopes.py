@@ -1,0 +1,57 @@
+"""What tests that call a pass by itself give it: a frame's scope, and a plan of mutations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_restir.mutations.chain import Acceptance, Mutated, metropolis_hastings, run_chain
+from mitsuba_restir.mutations.kind import MutationPlan
+from mitsuba_restir.mutations.proposals import MoveReconnectionVertex
+from mitsuba_restir.paths.grid import grid_of
+from mitsuba_restir.paths.primary_hit import PrimaryHit
+from mitsuba_restir.resampling.reservoir import Reservoir
+from mitsuba_restir.sampling.streams import FrameKey
+from mitsuba_restir.shifts.scope import Scope
+
+
+def scope_of(
+    renderer: Any,
+    scene: mi.Scene,
+    sensor: mi.Sensor | None = None,
+    number: Any = 0,
+    seed: Any = 0,
+) -> Scope:
+    """The scope of a frame as ``renderer``, which has rendered ``scene``, would make it.
+
+    ``sensor`` samples wavelengths, where there are any; ``number`` and ``seed`` name the frame.
+    """
+    plan = renderer._plan
+    return Scope(
+        scene,
+        sensor if mi.is_spectral else None,
+        plan.mapping,
+        plan.limits,
+        grid_of(plan.width, plan.height),
+        FrameKey(mi.UInt32(number), mi.UInt32(seed)),
+        renderer._dither,
+    )
+
+
+def mutation_plan(steps: int, step: float, interval: int = 1, energy_weight: float = 0) -> Any:
+    """Moves of the reconnection vertex by the unbiased rule, unless a test brings its own."""
+    return MutationPlan(MoveReconnectionVertex(step), steps, interval, "metropolis", energy_weight)
+
+
+def mutate(
+    scope: Scope,
+    reservoirs: Reservoir,
+    hits: PrimaryHit,
+    plan: MutationPlan,
+    acceptance: Acceptance = metropolis_hastings,
+) -> tuple[Reservoir, Mutated]:
+    """Run the chain of every lane, however many there are."""
+    pixel = dr.arange(mi.UInt32, dr.width(reservoirs.weight))
+    return run_chain(scope, reservoirs, hits, pixel, plan, acceptance)
