@@ -10,24 +10,28 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mitsuba_restir.passes.blue_noise_rule import (
-    SPACING,
-    TEMPERATURE,
-    Surroundings,
-    blue_noise_rule,
-    energy_change,
-    mutate_by_rule,
-    normalised,
-)
-from mitsuba_restir.passes.neighborhood import pixels_of_set, set_lanes
 from support import references
 from support.modes import Mode
 from support.runs import bias_report, independent_runs, integrator
+from support.scopes import mutation_plan, scope_of
 
 from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.analysis.images import luminance
-from mitsuba_restir.passes import blue_noise_rule as rule_module
-from mitsuba_restir.passes.decorrelate import metropolis_hastings
+from mitsuba_restir.mutations import energy as rule_module
+from mitsuba_restir.mutations.chain import metropolis_hastings
+from mitsuba_restir.mutations.energy import (
+    SPACING,
+    TEMPERATURE,
+    Surroundings,
+    energy_change,
+    energy_rule,
+    mutate_by_energy,
+    mutate_by_updated_energy,
+    normalised,
+)
+from mitsuba_restir.mutations.kind import Proposal
+from mitsuba_restir.neighbors.around import spaced_pixels
+from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.sampling.georgiev import energy, image_energy
 from mitsuba_restir.studies import load_study, run_study
@@ -69,12 +73,8 @@ def test_energy_of_an_image_is_the_mask_s_without_wrapping():
 
 def around(values: np.ndarray, mean: float = 1.0) -> Surroundings:
     height, width = values.shape
-    result = Surroundings(
-        mi.Float(values.ravel().astype(np.float32)),
-        mi.Float(mean),
-        mi.UInt32(width),
-        mi.UInt32(height),
-    )
+    levels = mi.Float(values.ravel().astype(np.float32))
+    result = Surroundings(grid_of(width, height), levels, mi.Float(mean))
     dr.make_opaque(result)
     return result
 
@@ -118,14 +118,15 @@ def test_acceptance_is_the_document_s(rgb, blend):
     expected = (annealed * blend + proposed / current * (1 - blend)) * transition
 
     pixel = dr.arange(mi.UInt32, 50)
-    acceptance = blue_noise_rule(around(old[None]), pixel, mi.Float(0.5), blend)
+    acceptance = energy_rule(around(old[None]), pixel, mi.Float(0.5), blend)
     a, b = (SimpleNamespace(color=mi.Color3f(mi.Float(c))) for c in (current, proposed))
-    found = acceptance(a, b, mi.Float(transition))
+    proposal = Proposal(b, mi.Float(transition), shadow=None, tested=mi.Bool(False))
+    found = acceptance(a, proposal)
     assert 0.2 < np.mean(change < 0) < 0.8
     # Energies in single precision are good to 1e-6, a thousandth of the temperature.
     np.testing.assert_allclose(np.array(found), expected, rtol=1e-2, atol=1e-6)
     if blend == 0:
-        plain = metropolis_hastings(a, b, mi.Float(transition))
+        plain = metropolis_hastings(a, proposal)
         np.testing.assert_array_equal(np.array(found), np.array(plain))
 
 
@@ -144,9 +145,7 @@ def test_sets_are_a_partition_of_distant_pixels(rgb):
     for size in ((1, 1), (7, 5), (8, 12)):
         found = []
         for number in range(SPACING**2):
-            width, height = (mi.UInt32(n) for n in size)
-            lanes = set_lanes(size, SPACING)
-            pixel, inside = pixels_of_set(mi.UInt32(number), SPACING, lanes, width, height)
+            pixel, inside = spaced_pixels(grid_of(*size), SPACING, mi.UInt32(number))
             chosen = np.array(pixel)[np.array(inside)]
             x, y = chosen % size[0], chosen // size[0]
             assert len(np.unique(x % SPACING)) <= 1
@@ -155,30 +154,30 @@ def test_sets_are_a_partition_of_distant_pixels(rgb):
         assert sorted(found) == list(range(size[0] * size[1]))
 
 
-def post_temporal(name: str) -> tuple[mi.Scene, Any, Any, Any]:
-    """A scene, and the reservoirs, primary hits and shift mapping of a frame of candidates."""
+def post_temporal(name: str) -> tuple[Any, Any, Any]:
+    """Scope, reservoirs and primary hits of a frame of candidates."""
     case = references.CASES[name]
     scene = case.load()
     renderer = integrator(case.max_depth, Mode({"temporal": False, "spatial": False}), mutations=1)
     renderer.render(scene, seed=3, spp=1)
     history = renderer._history
-    return scene, history.reservoirs, history.hits, renderer._plan.mapping
+    scope = scope_of(renderer, scene, number=7, seed=7)
+    return scope, history.reservoirs, history.hits
 
 
 @pytest.mark.parametrize("updated", [False, True])
 def test_each_set_sees_what_the_others_have_become(rgb, monkeypatch, updated):
-    scene, before, hits, mapping = post_temporal("room")
+    scope, before, hits = post_temporal("room")
     seen = []
 
     def recording(around: Surroundings, pixel: Any, weight: Any, blend: float) -> Any:
         seen.append((np.array(around.values), np.array(pixel), np.array(weight)))
-        return blue_noise_rule(around, pixel, weight, blend)
+        return energy_rule(around, pixel, weight, blend)
 
-    monkeypatch.setattr(rule_module, "blue_noise_rule", recording)
-    number = mi.UInt32(7)
-    after, mutated = mutate_by_rule(
-        scene, None, before, hits, (32, 32), 3, STEP, number, number, mapping, 1.0, updated
-    )
+    monkeypatch.setattr(rule_module, "energy_rule", recording)
+    plan = mutation_plan(3, STEP, energy_weight=1.0)
+    rule = mutate_by_updated_energy if updated else mutate_by_energy
+    after, mutated = rule(scope, before, hits, plan, mi.UInt32(0))
     shown = np.array(target(before.color) * before.weight)
     mixed = np.array(target(after.color) * before.weight)
     was, has_become = (v / (v + shown.mean()) for v in (shown, mixed))

@@ -14,21 +14,22 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mitsuba_restir.shifts.pivot import CLASSES, movable
 from scipy import stats
 from support import references
 from support.modes import Mode
 from support.mutants import Mutation, apply
 from support.runs import assert_unbiased, integrator
+from support.scopes import mutate, mutation_plan, scope_of
 from support.stationarity import FRESH, stationarity_report
 from test_unbiased import ROOM, check, edited, moving_camera
 
 from mitsuba_restir.analysis.bias import BiasReport
-from mitsuba_restir.passes import decorrelate as pass_module
-from mitsuba_restir.passes.decorrelate import decorrelate, metropolis_hastings
+from mitsuba_restir.mutations import proposals
+from mitsuba_restir.mutations.chain import metropolis_hastings
+from mitsuba_restir.mutations.pivot import MutationClass, movable
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.shifts.hybrid import shift
-from mitsuba_restir.shifts.mapping import OK
+from mitsuba_restir.shifts.mapping import Outcome
 
 STEP = 0.2
 
@@ -36,10 +37,10 @@ STEP = 0.2
 
 RULES = {
     "metropolis": metropolis_hastings,
-    "always": lambda current, proposed, transition: mi.Float(1),
-    "rarely": lambda current, proposed, transition: mi.Float(0.05),
-    "brighter only": lambda current, proposed, transition: dr.select(
-        target(proposed.color) > target(current.color), mi.Float(1), 0
+    "always": lambda current, proposal: mi.Float(1),
+    "rarely": lambda current, proposal: mi.Float(0.05),
+    "brighter only": lambda current, proposal: dr.select(
+        target(proposal.state.color) > target(current.color), mi.Float(1), 0
     ),
 }
 
@@ -52,18 +53,8 @@ def test_own_luminance_is_invariant(rgb, name, rule):
     renderer = integrator(case.max_depth, Mode({"temporal": False, "spatial": False}), mutations=1)
     renderer.render(scene, seed=3, spp=1)
     before, hits = renderer._history.reservoirs, renderer._history.hits
-    after, mutated = decorrelate(
-        scene,
-        None,
-        before,
-        hits,
-        5,
-        STEP,
-        mi.UInt32(1),
-        mi.UInt32(2),
-        renderer._plan.mapping,
-        RULES[rule],
-    )
+    scope = scope_of(renderer, scene, number=1, seed=2)
+    after, mutated = mutate(scope, before, hits, mutation_plan(5, STEP), RULES[rule])
     old = np.array(target(before.color) * before.weight)
     new = np.array(target(after.color) * after.weight)
     assert int(dr.sum(mutated.accepted)[0]) > 20
@@ -84,10 +75,10 @@ def unlike_themselves(name: str, frames: int) -> tuple[int, int]:
     for seed in range(frames):
         renderer.render(scene, seed=seed, spp=1)
         paths = renderer._history.reservoirs.path
-        hits, mapping = renderer._history.hits, renderer._plan.mapping
+        hits = renderer._history.hits
         moved = renderer._frame.mutated.accepted > 0
-        shifted = shift(scene, None, paths, hits, mapping, moved)
-        lost += int(dr.count(moved & (shifted.outcome != OK))[0])
+        shifted = shift(scope_of(renderer, scene), paths, hits, moved)
+        lost += int(dr.count(moved & (shifted.outcome != Outcome.OK))[0])
         total += int(dr.count(moved)[0])
     return lost, total
 
@@ -226,20 +217,10 @@ def final_states(mutations: int) -> tuple[np.ndarray, np.ndarray]:
     scene = chain_scene()
     renderer = integrator(2, Mode({"temporal": False, "spatial": False}), mutations=1)
     renderer.render(scene, seed=1, spp=1)
-    plan, history = renderer._plan, renderer._history
-    after, mutated = decorrelate(
-        scene,
-        None,
-        history.reservoirs,
-        history.hits,
-        mutations,
-        0.3,
-        mi.UInt32(7),
-        mi.UInt32(8),
-        plan.mapping,
-        metropolis_hastings,
-    )
-    chosen = np.array(mutated.kind) == CLASSES.index("D")
+    scope, history = scope_of(renderer, scene, number=7, seed=8), renderer._history
+    plan = mutation_plan(mutations, 0.3)
+    after, mutated = mutate(scope, history.reservoirs, history.hits, plan)
+    chosen = np.array(mutated.kind) == MutationClass.ON_LIGHT
     return np.array(after.path.wo).T[chosen], chosen
 
 
@@ -298,7 +279,7 @@ CONTROLS = {
     "jacobian of what follows is one": Control(
         (
             Mutation("pdf_k * dr.select(ahead, geometry, 1)", "mi.Float(1)"),
-            Mutation("dr.select(far & (next_kind_of(path) != kinds.NEE), pdf_n, 1)", "mi.Float(1)"),
+            Mutation("dr.select(far & (next_kind_of(path) != Kind.NEE), pdf_n, 1)", "mi.Float(1)"),
         ),
         "room",
         (0, 4),
@@ -307,7 +288,7 @@ CONTROLS = {
         (Mutation("dr.select(by_numbers, 1, pdf)", "mi.Float(1)"),), "room", (0, 4)
     ),
     "always accepted": Control(
-        (Mutation("(u < acceptance(state, proposed, transition))", "mi.Bool(True)"),),
+        (Mutation("(uniform(random, i, 2) < acceptance(state, proposal))", "mi.Bool(True)"),),
         "room",
         (0, 4),
     ),
@@ -345,20 +326,21 @@ def test_control_of_the_histogram(rgb, monkeypatch):
 
 def duplicated(path: Any) -> Any:
     """Movable paths of which a pixel nearby has another copy: a rule that reads the reservoirs."""
-    pixel = dr.arange(mi.UInt32, dr.width(path.pixel))
+    lanes = dr.width(path.name.pixel)
+    pixel = dr.arange(mi.UInt32, lanes)
     copies = mi.Bool(False)
     for step in (1, 2, 3, 32, 64, 96):
         for shifted in (pixel + step, pixel - step):
-            inside = shifted < dr.width(path.pixel)
-            other = dr.gather(mi.UInt32, path.pixel, shifted, inside)
-            frame = dr.gather(mi.UInt32, path.sample, shifted, inside)
-            copies |= inside & (other == path.pixel) & (frame == path.sample)
+            inside = shifted < lanes
+            other = dr.gather(mi.UInt32, path.name.pixel, shifted, inside)
+            frame = dr.gather(mi.UInt32, path.name.sample, shifted, inside)
+            copies |= inside & (other == path.name.pixel) & (frame == path.name.sample)
     return movable(path) & copies
 
 
 def test_control_by_duplication(rgb, monkeypatch):
     """Mutating only what is duplicated reads the reservoirs, and is biased."""
-    monkeypatch.setattr(pass_module, "movable", duplicated)
+    monkeypatch.setattr(proposals, "movable", duplicated)
     frames = Mode({"spatial_radius": 2.0, "spatial_rounds": 3, "temporal": False})
     report = stationarity("grooves", (0, 5), 20, 3072, frames)
     print(report)
@@ -373,6 +355,6 @@ def test_statistics(rgb):
         renderer.render(scene, seed=seed, spp=1)
     classes = renderer.statistics()["mutations"]
     assert sum(entry["share"] for entry in classes.values()) == pytest.approx(1)
-    for name in ("A", "B", "E1"):
+    for name in ("before_surface", "before_light_sample", "light_numbers"):
         assert 0.05 < classes[name]["acceptance"] <= 1
-    assert classes["E"]["acceptance"] == 0
+    assert classes["fixed"]["acceptance"] == 0

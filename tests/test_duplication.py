@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import mitsuba as mi
 import numpy as np
 import pytest
 from support import references
 from support.modes import Mode
 from support.runs import integrator
+from support.scopes import mutate, mutation_plan, scope_of
 from test_decorrelate import STEP
 
 from mitsuba_restir.analysis.duplication import NO_PATH, copies, duplicated_share
-from mitsuba_restir.passes.decorrelate import decorrelate, metropolis_hastings
 from mitsuba_restir.paths.identity import BITS, identity
 
 # ------------------------------ counting --------------------------------------------------------
@@ -57,18 +56,8 @@ def test_identity_of_mutated_paths(rgb):
     renderer = integrator(case.max_depth, Mode({"temporal": False, "spatial": False}), mutations=1)
     renderer.render(scene := case.load(), seed=3, spp=1)
     before, hits = renderer._history.reservoirs, renderer._history.hits
-    after, mutated = decorrelate(
-        scene,
-        None,
-        before,
-        hits,
-        3,
-        STEP,
-        mi.UInt32(1),
-        mi.UInt32(2),
-        renderer._plan.mapping,
-        metropolis_hastings,
-    )
+    scope = scope_of(renderer, scene, number=1, seed=2)
+    after, mutated = mutate(scope, before, hits, mutation_plan(3, STEP))
     old, new = np.array(identity(before.path)), np.array(identity(after.path))
     moved = np.array(mutated.accepted) > 0
     assert 100 < moved.sum() < moved.size

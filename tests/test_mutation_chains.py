@@ -22,12 +22,16 @@ from scipy import stats
 from support.modes import Mode
 from support.mutants import Mutation, apply
 from support.runs import integrator
+from support.scopes import mutate, mutation_plan, scope_of
 
-from mitsuba_restir.passes import decorrelate as pass_module
-from mitsuba_restir.passes.decorrelate import metropolis_hastings
-from mitsuba_restir.paths import record as kinds
 from mitsuba_restir.paths.primary_hit import PrimaryHit
-from mitsuba_restir.paths.record import edge_count, kind_of, next_kind_of, reconnection_index
+from mitsuba_restir.paths.record import (
+    Kind,
+    edge_count,
+    kind_of,
+    next_kind_of,
+    reconnection_index,
+)
 from mitsuba_restir.resampling.reservoir import Reservoir
 
 LANES, STEPS = 1 << 14, 100
@@ -94,11 +98,11 @@ def to_ceiling(x: Points) -> np.ndarray:
     return geometry(ORIGIN, FLOOR_NORMAL, x, FLOOR_NORMAL)
 
 
-def class_a(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
+def before_surface(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
     return to_ceiling(x) * geometry(x, FLOOR_NORMAL, path["next"], FLOOR_NORMAL)
 
 
-def class_b(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
+def before_light_sample(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
     """The light point is where the stored direction meets the light."""
     z = path["vertex"] + path["wo"] * (LIGHT - path["vertex"][0]) / path["wo"][0]
     bounce, sampled = pdfs_of_light(x, z)
@@ -106,18 +110,18 @@ def class_b(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
     return to_ceiling(x) * geometry(x, FLOOR_NORMAL, z, LIGHT_NORMAL) * share
 
 
-def class_c1(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
+def before_light(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
     bounce, sampled = pdfs_of_light(x, path["next"])
     share = bounce / (bounce + sampled)
     return to_ceiling(x) * geometry(x, FLOOR_NORMAL, path["next"], LIGHT_NORMAL) * share
 
 
-def class_d(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
+def on_light_vertex(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
     bounce, sampled = pdfs_of_light(ORIGIN, x)
     return geometry(ORIGIN, FLOOR_NORMAL, x, LIGHT_NORMAL) * bounce / (bounce + sampled)
 
 
-def class_e1(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
+def light_numbers(x: Points, path: dict[str, np.ndarray]) -> np.ndarray:
     """The numbers are uniform on the light, so a density of its points is one of the numbers."""
     bounce, sampled = pdfs_of_light(ORIGIN, x)
     return geometry(ORIGIN, FLOOR_NORMAL, x, LIGHT_NORMAL) * sampled / (bounce + sampled)
@@ -131,18 +135,18 @@ class Chain:
     edges: int
     density: Callable[[Points, dict[str, np.ndarray]], np.ndarray]
     on_light: bool = False
-    next_kind: int = kinds.EMPTY
+    next_kind: int = Kind.EMPTY
     step: float = 0.4
 
 
 CHAINS = {
-    "A, light sampled from the next vertex": Chain(kinds.FAR, 4, class_a, next_kind=kinds.NEE),
-    "A, light found from the next vertex": Chain(kinds.FAR, 4, class_a, next_kind=kinds.HIT),
-    "A, longer": Chain(kinds.FAR, 5, class_a, next_kind=kinds.FAR),
-    "B": Chain(kinds.NEE, 3, class_b),
-    "C1": Chain(kinds.HIT, 3, class_c1),
-    "D": Chain(kinds.LIGHT, 2, class_d, on_light=True, step=0.1),
-    "E1": Chain(kinds.REPLAY_NEE, 2, class_e1, on_light=True),
+    "surface, light sampled from it": Chain(Kind.FAR, 4, before_surface, next_kind=Kind.NEE),
+    "surface, light found from it": Chain(Kind.FAR, 4, before_surface, next_kind=Kind.HIT),
+    "surface, longer": Chain(Kind.FAR, 5, before_surface, next_kind=Kind.FAR),
+    "light sample": Chain(Kind.NEE, 3, before_light_sample),
+    "light": Chain(Kind.HIT, 3, before_light),
+    "on the light": Chain(Kind.LIGHT, 2, on_light_vertex, on_light=True, step=0.1),
+    "light numbers": Chain(Kind.REPLAY_NEE, 2, light_numbers, on_light=True),
 }
 
 # ------------------------------ chains ----------------------------------------------------------
@@ -166,9 +170,9 @@ def first_of(chain: Chain) -> tuple[mi.Scene, Any, Reservoir, PrimaryHit]:
     for reservoirs, hits in frames:
         path = reservoirs.path
         fits = (kind_of(path) == chain.kind) & (edge_count(path) == chain.edges)
-        if chain.kind >= kinds.FAR:
+        if chain.kind >= Kind.FAR:
             fits &= reconnection_index(path) == 2
-        if chain.kind == kinds.FAR:
+        if chain.kind == Kind.FAR:
             fits &= next_kind_of(path) == chain.next_kind
             # The next vertex is on the floor, not on the ceiling's other side or edge.
             fits &= dr.abs(path.next.vertex.p.z) < 1e-3
@@ -188,18 +192,8 @@ def p_value(chain: Chain) -> float:
     """Chi-square test of the final vertices."""
     scene, renderer, start, hits = first_of(chain)
     dr.eval(start, hits)
-    after, mutated = pass_module.decorrelate(
-        scene,
-        None,
-        start,
-        hits,
-        STEPS,
-        chain.step,
-        mi.UInt32(1),
-        mi.UInt32(2),
-        renderer._plan.mapping,
-        metropolis_hastings,
-    )
+    scope = scope_of(renderer, scene, number=1, seed=2)
+    after, mutated = mutate(scope, start, hits, mutation_plan(STEPS, chain.step))
     assert float(dr.mean(mi.Float(mutated.accepted))[0]) > 0.1 * STEPS
     path = {
         "vertex": np.array(start.path.vertex.p)[:, 0].astype(float),
@@ -207,7 +201,7 @@ def p_value(chain: Chain) -> float:
         "next": np.array(start.path.next.vertex.p)[:, 0].astype(float),
     }
     ends = np.array(after.path.vertex.p).T
-    if chain.kind == kinds.REPLAY_NEE:
+    if chain.kind == Kind.REPLAY_NEE:
         numbers = mi.Point2f(after.path.wo.x, after.path.wo.y)
         reference = dr.zeros(mi.Interaction3f)
         reference.p = hits.vertex.p
@@ -244,10 +238,10 @@ def test_final_states_follow_the_target_function(rgb, name):
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
-        ("A, longer", "pdf_k * dr.select(ahead, geometry, 1)", "mi.Float(1)"),
-        ("C1", "dr.select(ahead, geometry, 1)", "mi.Float(1)"),
-        ("A, longer", "dr.select(by_numbers, 1, pdf)", "mi.Float(1)"),
-        ("B", "(u < acceptance(state, proposed, transition))", "mi.Bool(True)"),
+        ("surface, longer", "pdf_k * dr.select(ahead, geometry, 1)", "mi.Float(1)"),
+        ("light", "dr.select(ahead, geometry, 1)", "mi.Float(1)"),
+        ("surface, longer", "dr.select(by_numbers, 1, pdf)", "mi.Float(1)"),
+        ("light sample", "(uniform(random, i, 2) < acceptance(state, proposal))", "mi.Bool(True)"),
     ],
 )
 def test_control(rgb, monkeypatch, name, old, new):

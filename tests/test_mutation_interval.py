@@ -8,14 +8,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mitsuba_restir.passes.alternate import decorrelate_alternating, pixels_of_set, stride
 from support import references
 from support.modes import Mode
 from support.runs import integrator
+from support.scopes import mutate, mutation_plan, scope_of
 from test_decorrelate import STEP, mutating
 from test_unbiased import ROOM, check
 
-from mitsuba_restir.passes.decorrelate import decorrelate, metropolis_hastings
+from mitsuba_restir.mutations.schedule import mutate_in_turns, pixels_of_set, stride
+from mitsuba_restir.paths.grid import grid_of
 
 FRESH = Mode({"temporal": False, "spatial": False})
 
@@ -25,7 +26,7 @@ FRESH = Mode({"temporal": False, "spatial": False})
 def test_every_pixel_has_one_turn(rgb, size, interval):
     turns = np.zeros(size[0] * size[1], dtype=int)
     for turn in range(9, 9 + interval):
-        pixel, inside = pixels_of_set(size, interval, dr.opaque(mi.UInt32, turn))
+        pixel, inside = pixels_of_set(grid_of(*size), interval, dr.opaque(mi.UInt32, turn))
         np.add.at(turns, np.array(pixel)[np.array(inside)], 1)
     assert (turns == 1).all()
 
@@ -43,15 +44,13 @@ def test_only_the_set_is_mutated(rgb):
     renderer.render(scene, seed=3, spp=1)
     before, hits = renderer._history.reservoirs, renderer._history.hits
     size = scene.sensors()[0].film().crop_size()
-    steps = (5, STEP, mi.UInt32(1), mi.UInt32(2), renderer._plan.mapping)
-    everywhere, _ = decorrelate(scene, None, before, hits, *steps, metropolis_hastings)
+    scope, plan = scope_of(renderer, scene, number=1, seed=2), mutation_plan(5, STEP, interval=3)
+    everywhere, _ = mutate(scope, before, hits, plan)
     turn = dr.opaque(mi.UInt32, 5)
-    pixel, inside = pixels_of_set(size, 3, turn)
+    pixel, inside = pixels_of_set(scope.grid, 3, turn)
     there = np.zeros(size[0] * size[1], dtype=bool)
     there[np.array(pixel)[np.array(inside)]] = True
-    some, mutated = decorrelate_alternating(
-        scene, None, before, hits, size, 3, turn, *steps, metropolis_hastings
-    )
+    some, mutated = mutate_in_turns(scope, before, hits, plan, turn)
     assert len(np.array(mutated.kind)) == len(np.array(pixel))
     changed = 0
     for old, new, all_new in zip(_arrays(before), _arrays(some), _arrays(everywhere), strict=True):
@@ -63,8 +62,8 @@ def test_only_the_set_is_mutated(rgb):
 
 def _arrays(reservoirs: Any) -> list[np.ndarray]:
     path = reservoirs.path
-    fields = [path.pixel, path.info, path.vertex.p, path.vertex.index, path.next.wo]
-    fields += [path.wo, path.radiance, path.light_pdf, path.jacobian]
+    fields = [path.name.pixel, path.info, path.vertex.p, path.vertex.index, path.next.wo]
+    fields += [path.wo, path.radiance, path.light_pdf, path.factor]
     fields += [reservoirs.color, reservoirs.weight, reservoirs.confidence]
     return [np.array(field) for field in fields]
 
@@ -82,7 +81,7 @@ def test_statistics_count_the_set_alone(rgb):
         renderer.render(scene, seed=seed, spp=1)
         classes = renderer.statistics()["mutations"]
         assert sum(entry["share"] for entry in classes.values()) == pytest.approx(1)
-        assert 0.5 < classes["E1"]["acceptance"] <= 1
+        assert 0.5 < classes["light_numbers"]["acceptance"] <= 1
 
 
 @pytest.mark.parametrize(

@@ -10,30 +10,40 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mitsuba_restir.passes.neighbors import SAMPLING, expected_confidence, spatial
-from mitsuba_restir.passes.ranks import NOWHERE, Groups, rank_pixels, scattered_groups, turned
 from scipy import stats
 from support import references
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
 from support.runs import assert_unbiased, bias_report, independent_runs, integrator
+from support.scopes import scope_of
 
 from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.analysis.spectrum import band_power, power_spectrum
 from mitsuba_restir.integrators import frame as frame_module
-from mitsuba_restir.passes import neighbors as neighbors_module
-from mitsuba_restir.passes.spatial import Pixels, canonical_share, merge, pull, push
+from mitsuba_restir.neighbors.ranked import expected_confidence
+from mitsuba_restir.neighbors.ranks import (
+    NOWHERE,
+    Groups,
+    rank_pixels,
+    scattered_groups,
+    surface_labels,
+    turned,
+)
+from mitsuba_restir.neighbors.strategies import STRATEGIES
+from mitsuba_restir.passes.spatial import Merged, spatial
+from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.spectrum import target
+from mitsuba_restir.resampling.pairwise import Sharing, canonical_share, merge, pull, push
 from mitsuba_restir.sampling.dither import mask_texture
 from mitsuba_restir.sampling.masks import load_mask, void_and_cluster, white
-from mitsuba_restir.sampling.streams import NEIGHBORS, SPATIAL, pass_stream, uniform
+from mitsuba_restir.sampling.streams import FrameKey, Purpose, uniform
 
 ALPHA = 1e-4
 OTHERS = ("white_noise", "blocks", "geometry")
 
 
 def choices(seed: int) -> Any:
-    return pass_stream(NEIGHBORS, mi.UInt32(0), mi.UInt32(0), mi.UInt32(seed))
+    return FrameKey(mi.UInt32(0), mi.UInt32(seed)).stream(Purpose.NEIGHBORS, 0)
 
 
 def by_mask_level(image: np.ndarray, ranks: np.ndarray) -> np.ndarray:
@@ -70,69 +80,64 @@ def luminances(reservoirs: Any) -> Any:
 
 def hashes(reservoirs: Any) -> Any:
     """Numbers that know nothing of the paths."""
-    number = reservoirs.path.sample
-    return uniform(pass_stream(SPATIAL, dr.arange(mi.UInt32, dr.width(number)), number, 1), 0, 0)
+    number = reservoirs.path.name.sample
+    pixel = dr.arange(mi.UInt32, dr.width(number))
+    return uniform(FrameKey(number, mi.UInt32(1)).stream(Purpose.SPATIAL, pixel), 0, 0)
 
 
 def two_sided(
-    pixels: Any, reservoirs: Any, layout: Any, draws: Any, values: Any
+    sharing: Sharing, reservoirs: Any, layout: Any, draws: Any, values: Any
 ) -> list[tuple[Any, Any]]:
     """The picks of ``ranked`` by these values, for rules that need both shifts."""
-    labels = neighbors_module.surface_labels(pixels.hits, draws)
+    labels = surface_labels(sharing.hits, draws)
     dr.eval(labels, values)
-    size = (pixels.width, pixels.height)
-    ranks = rank_pixels(layout, *size, labels, values, reservoirs.confidence, draws)
+    grid = sharing.scope.grid
+    ranks = rank_pixels(grid, layout, labels, values, reservoirs.confidence, draws)
     dr.eval(ranks)
-    k = pixels.neighbors
+    k = sharing.neighbors
     return [(ranks.source(mi.UInt32(j), k), ranks.count > 1) for j in range(k)]
 
 
-def exchanged(pixels: Any, reservoirs: Any, other: Any, valid: Any) -> tuple[Any, Any]:
-    theirs = pull(pixels, reservoirs, other, valid, mi.Bool(False))
-    reach, _ = push(pixels, reservoirs, other, valid)
+def exchanged(sharing: Sharing, reservoirs: Any, other: Any, valid: Any) -> tuple[Any, Any]:
+    theirs = pull(sharing, reservoirs, other, valid, mi.Bool(False))
+    reach, _ = push(sharing, reservoirs, other, valid)
     dr.eval(theirs, reach)
-    return theirs, dr.select(valid, canonical_share(pixels, reservoirs, reach), 0)
+    return theirs, dr.select(valid, canonical_share(sharing, reservoirs, reach), 0)
 
 
 def chained(
-    by: Any,
-    pixels: Any,
-    sampling: Any,
-    layout: Any,
-    reservoirs: Any,
-    number: Any,
-    sample: Any,
-    seed: Any,
-) -> Any:
+    by: Any, sharing: Sharing, strategy: Any, layout: Any, reservoirs: Any, number: Any
+) -> Merged:
     """The same picks, merged one after the other: each against what the one before has left."""
-    draws = pass_stream(NEIGHBORS, number, sample, seed)
-    picks = two_sided(pixels, reservoirs, layout, draws, by(reservoirs))
-    single = replace(pixels, neighbors=1)
-    pixel = dr.arange(mi.UInt32, dr.width(reservoirs.weight))
+    key, pixel = sharing.scope.key, sharing.scope.grid.pixels()
+    draws = key.stream(Purpose.NEIGHBORS, number)
+    picks = two_sided(sharing, reservoirs, layout, draws, by(reservoirs))
+    single = replace(sharing, neighbors=1)
     for j, (other, valid) in enumerate(picks):
         theirs, share = exchanged(single, reservoirs, other, valid)
         confidence = 2 * reservoirs.confidence
-        selection = pass_stream(SPATIAL, pixel, sample, seed ^ (mi.UInt32(j + 1) << 24))
+        turn = FrameKey(key.sample, key.seed ^ (mi.UInt32(j + 1) << 24))
+        selection = turn.stream(Purpose.SPATIAL, pixel)
         reservoirs, color, pairs = merge(reservoirs, [theirs], [share], confidence, selection)
         dr.eval(reservoirs, color)
-    return reservoirs, color, pairs, []
+    return Merged(reservoirs, color, pairs, [])
 
 
 def without_the_empty(
-    pixels: Any, sampling: Any, layout: Any, reservoirs: Any, number: Any, sample: Any, seed: Any
-) -> Any:
+    sharing: Sharing, strategy: Any, layout: Any, reservoirs: Any, number: Any
+) -> Merged:
     """The same picks, but a pixel without a path is nobody's neighbour."""
-    draws = pass_stream(NEIGHBORS, number, sample, seed)
+    key, pixel = sharing.scope.key, sharing.scope.grid.pixels()
+    draws = key.stream(Purpose.NEIGHBORS, number)
     values = luminances(reservoirs)
-    picks = two_sided(pixels, reservoirs, layout, draws, values)
+    picks = two_sided(sharing, reservoirs, layout, draws, values)
     pairs = [
-        exchanged(pixels, reservoirs, other, valid & (dr.gather(mi.Float, values, other) > 0))
+        exchanged(sharing, reservoirs, other, valid & (dr.gather(mi.Float, values, other) > 0))
         for other, valid in picks
     ]
-    pixel = dr.arange(mi.UInt32, dr.width(values))
-    selection = pass_stream(SPATIAL, pixel, sample, seed)
+    selection = key.stream(Purpose.SPATIAL, pixel)
     pulled, shares = ([pair[i] for pair in pairs] for i in range(2))
-    return *merge(reservoirs, pulled, shares, reservoirs.confidence, selection), []
+    return Merged(*merge(reservoirs, pulled, shares, reservoirs.confidence, selection), [])
 
 
 # --------------------------------- the exchange --------------------------------------------------
@@ -145,9 +150,8 @@ def synthetic(
     labels = np.zeros(values.shape) if labels is None else labels
     confidence = np.ones(values.shape) if confidence is None else confidence
     ranks = rank_pixels(
+        grid_of(width, height),
         groups,
-        width,
-        height,
         mi.UInt32(labels.ravel().astype(np.uint32)),
         mi.Float(values.ravel().astype(np.float32)),
         mi.Float(confidence.ravel().astype(np.float32)),
@@ -229,7 +233,7 @@ def test_turned_ranks_are_a_permutation_and_uniform(rgb, count):
 
 
 def lanes_of_choices(lanes: int) -> Any:
-    return pass_stream(NEIGHBORS, mi.UInt32(0), mi.UInt32(0), dr.arange(mi.UInt32, lanes))
+    return FrameKey(mi.UInt32(0), dr.arange(mi.UInt32, lanes)).stream(Purpose.NEIGHBORS, 0)
 
 
 def test_the_error_of_the_picks_is_bluer_by_a_blue_mask(rgb, blue):
@@ -383,7 +387,7 @@ def test_confidence_does_not_depend_on_the_values(rgb, sampling):
 # --------------------------------- frames -------------------------------------------------------
 
 
-@pytest.mark.parametrize("sampling", SAMPLING)
+@pytest.mark.parametrize("sampling", STRATEGIES)
 def test_frames_repeat_and_are_neither_recorded_nor_compiled_again(rgb, sampling):
     scene = references.CASES["room"].load()
     renderer = integrator(5, BOTH, neighbor_sampling=sampling, spatial_rounds=2)
@@ -423,18 +427,17 @@ def test_bad_value_says_what_is_allowed(rgb):
         mi.load_dict({"type": "restir_pt", "neighbor_sampling": "psychic"})
 
 
-@pytest.mark.parametrize("sampling", SAMPLING)
+@pytest.mark.parametrize("sampling", STRATEGIES)
 def test_the_mean_of_the_pair_estimators_is_the_pixel(rgb, sampling):
     """It is the colour shown, and its luminance the sum of the resampling weights."""
     renderer = integrator(5, Mode({"temporal": False, "spatial": False}))
     scene = references.CASES["room"].load()
     renderer.render(scene, seed=3, spp=1)
-    before, number = renderer._history, mi.UInt32(5)
-    pixels = Pixels(scene, None, before.hits, 32, 32, 3, renderer._plan.mapping)
-    kind = SAMPLING[sampling]
-    merged, color, pairs, _ = spatial(
-        pixels, kind, kind.layout(6.0), before.reservoirs, number, number, number
-    )
+    before = renderer._history
+    sharing = Sharing(scope_of(renderer, scene, number=5, seed=5), before.hits, 3)
+    strategy = STRATEGIES[sampling]
+    after = spatial(sharing, strategy, strategy.layout(6.0), before.reservoirs, mi.UInt32(5))
+    merged, color, pairs = after.reservoirs, after.color, after.estimators
     used = np.stack([np.broadcast_to(np.array(valid), 32 * 32) for valid in pairs.valid])
     values = np.stack([np.array(value) for value in pairs.colors])
     assert used[0].all()

@@ -15,17 +15,20 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mitsuba_restir.passes.color_history import ColorHistory, no_color_history, remember
-from mitsuba_restir.passes.neighborhood import OFFSETS, local_mean, similar_neighbors
-from mitsuba_restir.passes.reuse import similar
 from scipy import stats
 from support import rooms
 from support.mutants import Mutation, apply
 
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
-from mitsuba_restir.passes import color_history, neighborhood, selection
+from mitsuba_restir.neighbors import color_history
+from mitsuba_restir.neighbors.around import OFFSETS, local_mean, similar_neighbors, spaced_pixels
+from mitsuba_restir.neighbors.color_history import ColorHistory, no_color_history, remember
+from mitsuba_restir.neighbors.similarity import similar
+from mitsuba_restir.passes import select
 from mitsuba_restir.passes.primary import primary
-from mitsuba_restir.passes.spatial import PairEstimators
+from mitsuba_restir.paths.grid import grid_of
+from mitsuba_restir.resampling.pairwise import PairEstimators
+from mitsuba_restir.sampling.streams import FrameKey, Purpose, uniform2
 
 WIDTH, HEIGHT = 96, 64
 SIZE = (WIDTH, HEIGHT)
@@ -56,8 +59,7 @@ def hits_of(*shapes):
             },
         }
     )
-    first = dr.opaque(mi.UInt32, 0)
-    hits = primary(scene, scene.sensors()[0], first, first, None).hit
+    hits = primary(scene, scene.sensors()[0], grid_of(*SIZE), key(0, 0), None).hit
     dr.make_opaque(hits)
     return hits, scene
 
@@ -92,10 +94,13 @@ def image(values):
     return np.stack([np.array(channel) for channel in values], axis=-1).reshape(HEIGHT, WIDTH, 3)
 
 
+def key(sample, seed):
+    return FrameKey(dr.opaque(mi.UInt32, sample), dr.opaque(mi.UInt32, seed))
+
+
 def neighborhoods(hits):
-    """Similar neighbours at step 1 and 2, and the image's width."""
-    width, height = (dr.opaque(mi.UInt32, n) for n in SIZE)
-    return *(similar_neighbors(hits, width, height, step) for step in (1, 2)), width
+    """Similar neighbours at step 1 and 2."""
+    return [similar_neighbors(grid_of(*SIZE), hits, step) for step in (1, 2)]
 
 
 def everywhere(count=PAIRS + 1):
@@ -105,17 +110,14 @@ def everywhere(count=PAIRS + 1):
 
 
 def chosen(hits, mean, estimators, reference, sample=0):
-    frame = dr.opaque(mi.UInt32, sample), dr.opaque(mi.UInt32, 1)
-    return image(
-        selection.select(mean, estimators, reference, neighborhoods(hits)[0], SIZE, *frame)
-    )
+    alike, _ = neighborhoods(hits)
+    grid = grid_of(*SIZE)
+    return image(select.choose(grid, key(sample, 1), mean, estimators, reference, alike))
 
 
 def pixels_of_set(index, order):
-    width, height = (mi.UInt32(n) for n in SIZE)
-    lanes = neighborhood.set_lanes(SIZE, selection.SPACING)
-    number = selection.set_in_turn(mi.UInt32(index), order)
-    return neighborhood.pixels_of_set(number, selection.SPACING, lanes, width, height)
+    number = select.set_in_turn(mi.UInt32(index), order)
+    return spaced_pixels(grid_of(*SIZE), select.SPACING, number)
 
 
 def random_frame(shape=0.5, valid=None):
@@ -160,8 +162,7 @@ def test_every_choice_is_the_best_when_it_is_made(wall):
     values, mean, reference = random_frame(shape=4.0)
     estimators = PairEstimators([color(v) for v in values], everywhere())
     shown = chosen(wall, color(mean), estimators, color(reference), sample=5)
-    stream = selection.pass_stream(selection.SELECTION, 0, mi.UInt32(5), mi.UInt32(1))
-    order = selection.uniform2(stream, 0, 0)
+    order = uniform2(key(5, 1).stream(Purpose.SELECTION, 0), 0, 0)
     pixel, inside = pixels_of_set(8, order)
     last = np.array(pixel)[np.array(inside)]
     wide = np.pad(shown - reference.transpose(1, 2, 0), ((2, 2), (2, 2), (0, 0)))
@@ -186,21 +187,21 @@ def test_every_choice_is_the_best_when_it_is_made(wall):
 def test_sets_cover_the_image_once(rgb):
     for first, factor in itertools.product((0.0, 0.5, 0.99), np.linspace(0.0, 0.99, 6)):
         visits = np.zeros(WIDTH * HEIGHT, int)
-        for index in range(selection.SPACING**2):
+        for index in range(select.SPACING**2):
             pixel, inside = pixels_of_set(index, (mi.Float(first), mi.Float(factor)))
             visits[np.array(pixel)[np.array(inside)]] += 1
         assert np.all(visits == 1)
     # Pixels of one set do not see each other.
-    assert max(max(abs(x), abs(y)) for x, y in OFFSETS) < selection.SPACING
+    assert max(max(abs(x), abs(y)) for x, y in OFFSETS) < select.SPACING
 
 
 @pytest.mark.parametrize("step", [1, 2])
 def test_similar_neighbors_and_local_mean(edges, step):
-    width, height = (dr.opaque(mi.UInt32, n) for n in SIZE)
-    alike = similar_neighbors(edges, width, height, step)
+    grid = grid_of(*SIZE)
+    alike = similar_neighbors(grid, edges, step)
     bits = np.array(alike).reshape(HEIGHT, WIDTH)
     values = np.random.default_rng(0).random((HEIGHT, WIDTH)).astype(np.float32)
-    means = np.array(local_mean(mi.Float(values.ravel()), alike, width, step))
+    means = np.array(local_mean(grid, mi.Float(values.ravel()), alike, step))
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     total, count = values.astype(float), np.ones((HEIGHT, WIDTH))
     for i, (dx, dy) in enumerate(OFFSETS):
@@ -227,7 +228,8 @@ def test_nothing_leaks_across_edges(edges):
         estimators = PairEstimators([color(v * scale) for v in values], everywhere())
         past = color(reference * np.where(sheet, 3.0 * factor, 1.0))
         if changing:
-            past = color_history.relit(past, color(mean * scale), *neighborhoods(edges))
+            brighter = color(mean * scale)
+            past = color_history.relit(grid_of(*SIZE), past, brighter, *neighborhoods(edges))
         shown[factor, changing] = chosen(edges, color(mean * scale), estimators, past)
     for changing in (False, True):
         a, b = shown[1.0, changing], shown[50.0, changing]
@@ -299,17 +301,19 @@ def sequence(hits, field, fed_by_itself=False):
     def step(hits, before, colors, valid, sample, seed):
         mean = sum(colors[1:], colors[0]) / sum(dr.select(v, mi.Float(1), 0) for v in valid)
         dr.eval(mean)
-        alike, further, width = neighborhoods(hits)
+        grid = grid_of(*SIZE)
+        alike, further = neighborhoods(hits)
         if field.speed:
-            past = color_history.clamped(before.color, mean, alike, width)
+            past = color_history.clamped(grid, before.color, mean, alike)
             before = ColorHistory(past, before.frames)
         history = remember(before, mean)
         dr.eval(history)
         past = history.color
         if field.speed:
-            past = color_history.relit(past, mean, alike, further, width)
+            past = color_history.relit(grid, past, mean, alike, further)
         estimators = PairEstimators(colors, valid)
-        shown = selection.select(mean, estimators, past, alike, SIZE, sample, seed)
+        frame = FrameKey(sample, seed)
+        shown = select.choose(grid, frame, mean, estimators, past, alike)
         if fed_by_itself:
             history = remember(before, shown)
         dr.eval(history, shown)
@@ -401,9 +405,7 @@ def test_error_is_blue(wall):
 
 
 def test_control_neighbors_unseen(wall, monkeypatch):
-    apply(
-        monkeypatch, (Mutation("-neighbors_error(error, around, pixel, width)", "mi.Color3f(0)"),)
-    )
+    apply(monkeypatch, (Mutation("-neighbors_error(grid, error, around, pixel)", "mi.Color3f(0)"),))
     _, shown = low_powers(wall)
     print(shown)
     assert np.all(shown > 0.1)

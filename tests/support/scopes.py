@@ -50,8 +50,8 @@ def mutate(
     reservoirs: Reservoir,
     hits: PrimaryHit,
     plan: MutationPlan,
-    acceptance: Acceptance = metropolis_hastings,
+    acceptance: Acceptance | None = None,
 ) -> tuple[Reservoir, Mutated]:
-    """Run the chain of every lane, however many there are."""
+    """Run the chain of every lane, however many there are, by the unbiased rule unless told."""
     pixel = dr.arange(mi.UInt32, dr.width(reservoirs.weight))
-    return run_chain(scope, reservoirs, hits, pixel, plan, acceptance)
+    return run_chain(scope, reservoirs, hits, pixel, plan, acceptance or metropolis_hastings)
