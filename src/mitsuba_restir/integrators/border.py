@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import operator
 import warnings
+from typing import Any
 
+import drjit as dr
 import mitsuba as mi
+
+WORDS = 2**32
+"""Seeds and samples are counted by words of 32 bits."""
 
 _ONE_PIXEL = ("RadianceMeter", "IrradianceMeter", "FluxMeter", "DistantSensorImpl")
 
 
-def check_variant() -> None:
-    """Refuse scalar and polarized variants.
+def check_variant() -> str:
+    """Name of the current variant; scalar and polarized ones are refused.
 
     Raises
     ------
@@ -24,6 +30,76 @@ def check_variant() -> None:
             f"restir_pt: {kind} variants are not supported (current: {variant}); choose another, "
             "for example mi.set_variant('cuda_ad_rgb', 'llvm_ad_rgb')"
         )
+    return str(variant)
+
+
+def check_same_variant(made: str, scene: mi.Scene, sensor: mi.Sensor) -> None:
+    """Refuse what belongs to another variant: Dr.Jit would mix their types, or stop far from here.
+
+    Parameters
+    ----------
+    made : str
+        Variant under which the integrator was made.
+
+    Raises
+    ------
+    ValueError
+        If that, the scene's or the sensor's is not the current one.
+    """
+    now = mi.variant()
+    if made != now:
+        raise ValueError(
+            f"restir_pt: the integrator was made under {made}, and the variant is now {now}; make "
+            f"another one, or go back with mi.set_variant('{made}')"
+        )
+    for name, thing, kind in (("scene", scene, mi.Scene), ("sensor", sensor, mi.Sensor)):
+        if not isinstance(thing, kind):
+            raise ValueError(
+                f"restir_pt: the {name} is none, or was loaded under another variant than {now}; "
+                "load it again"
+            )
+
+
+def checked_seed(seed: Any) -> mi.UInt32:
+    """A frame's seed, opaque.
+
+    Raises
+    ------
+    ValueError
+        If it is no integer from 0 to 2^32 - 1.
+    """
+    if dr.is_array_v(seed) and dr.is_integral_v(seed):
+        if dr.width(seed) != 1:
+            raise ValueError(
+                f"restir_pt: seed must be a single integer, not an array of {dr.width(seed)}"
+            )
+        word = mi.UInt32(seed)
+        dr.make_opaque(word)
+        return word
+    return dr.opaque(mi.UInt32, _word("seed", seed))
+
+
+def checked_spp(spp: Any, sensor: mi.Sensor) -> int:
+    """Candidates per pixel; where 0 are asked for, as many as the sensor's sampler has.
+
+    Raises
+    ------
+    ValueError
+        If it is no integer from 0 to 2^32 - 1.
+    """
+    return _word("spp", spp) or int(sensor.sampler().sample_count())
+
+
+def _word(name: str, value: Any) -> int:
+    try:
+        number = -1 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = -1
+    if not 0 <= number < WORDS:
+        raise ValueError(
+            f"restir_pt: {name} must be an integer from 0 to {WORDS - 1}, not {value!r}"
+        )
+    return number
 
 
 def check_scene(scene: mi.Scene) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from typing import Any
+from typing import Any, NoReturn, SupportsIndex
 
 import drjit as dr
 import mitsuba as mi
@@ -20,7 +20,15 @@ from ..sampling.masks import load_mask
 from ..sampling.streams import FrameKey
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import shift_mapping
-from .border import check_scene, check_sensor, check_variant
+from .border import (
+    WORDS,
+    check_same_variant,
+    check_scene,
+    check_sensor,
+    check_variant,
+    checked_seed,
+    checked_spp,
+)
 from .declaration import page
 from .frame import Frame, History, Plan, Setting, no_history, sample_paths, share_paths
 from .parameters import PARAMETERS, read_parameters
@@ -69,7 +77,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     """
 
     def __init__(self, props: mi.Properties) -> None:
-        check_variant()
+        self._variant = check_variant()
         super().__init__(props)
         self.parameters = read_parameters(props)
         self._scene: mi.Scene | None = None
@@ -99,8 +107,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         Parameters
         ----------
         seed : int or UInt32
-            Seed of the frame. Frames with equal seeds still differ: their running number is hashed
-            with it.
+            Seed of the frame, from 0 to 2^32 - 1. Frames with equal seeds still differ: their
+            running number is hashed with it.
         spp : int
             Candidate paths per pixel (0: the sensor's sampler decides).
 
@@ -112,18 +120,19 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         Raises
         ------
         ValueError
-            For a scene, sensor or film that the integrator cannot render.
+            For a scene, sensor or film that the integrator cannot render, a seed or an ``spp`` that
+            is out of range, and what belongs to another variant than the integrator.
         """
         if not develop:
             raise ValueError("restir_pt: develop=False is not supported; a call returns one frame")
         if isinstance(sensor, int):
             sensor = scene.sensors()[sensor]
-        spp = spp or sensor.sampler().sample_count()
+        check_same_variant(self._variant, scene, sensor)
+        spp = checked_spp(spp, sensor)
         with dr.suspend_grad():
             self._prepare(scene, sensor)
             self._frame = None
-            key = FrameKey(dr.opaque(mi.UInt32, self._sample), mi.UInt32(seed))
-            dr.make_opaque(key.seed)
+            key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
             # The camera rays stay outside the frozen part: not every sensor of Mitsuba 3.9 exposes
             # all of its state to it.
@@ -142,8 +151,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
-            self._sample += spp
-            self._turn += 1
+            self._sample = (self._sample + spp) % WORDS
+            self._turn = (self._turn + 1) % WORDS
             self._frame = frame
             return self._develop(sensor.film(), frame)
 
@@ -188,6 +197,13 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         biased = ", ".join(self.parameters.biased)
         note = f", biased by {biased}" if biased else ""
         return f"ReSTIRPTIntegrator[{self.parameters}{note}]"
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> NoReturn:
+        """Refuse to be copied or pickled: a history is on the device, and recorded for it."""
+        raise TypeError(
+            "restir_pt: an integrator holds the history of its frames and cannot be copied or "
+            "pickled; make another one with mi.load_dict"
+        )
 
     def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
         """Check the inputs and start a new history where the old one does not fit."""
