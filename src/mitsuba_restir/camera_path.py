@@ -22,6 +22,7 @@ else:
 DEFAULT_FPS = 24.0
 _KEYS = ("frame", "time", "origin", "target", "up", "fov")
 _TOP_KEYS = ("fps", "keyframes")
+_VANISHED = 1e-6  # of what the keyframes have: what rounding leaves of a view that cancels
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,49 @@ class CameraPath:
 
     def pose(self, frame: float) -> Pose:
         """Interpolate the camera at a frame."""
-        flat = self.vectors.reshape(len(self.frames), 9)
-        values = [np.interp(frame, self.frames, column) for column in flat.T]
-        origin, target, up = np.array(values).reshape(3, 3)
+        origin, target, up = self._vectors_at(np.array([frame]))[0]
         fov = None if self.fovs is None else float(np.interp(frame, self.frames, self.fovs))
         return Pose(origin, target, up, fov)
+
+    def check(self, frames: int) -> None:
+        """
+        Make sure that the camera looks somewhere in each of the first frames.
+
+        Between two keyframes the view can vanish, or lie along ``up``, although it does so in
+        neither: halfway of a turn by 180 degrees the target is where the camera is.
+
+        Parameters
+        ----------
+        frames : int
+            How many frames are going to be rendered.
+
+        Raises
+        ------
+        UsageError
+            A frame has no view; names the first one.
+        """
+        shown = np.arange(min(frames, self.length))
+        usual = np.interp(shown, self.frames, _clearness(self.vectors))
+        lost = np.flatnonzero(_clearness(self._vectors_at(shown)) <= _VANISHED * usual)
+        if lost.size:
+            before = int(np.searchsorted(self.frames, lost[0], side="right")) - 1
+            raise UsageError(
+                f"frame {lost[0]}, between keyframes {before} and {before + 1}, has no view: its "
+                "target is at its origin, or in the direction of up; add a keyframe there, so that "
+                "no turn is by 180 degrees at once"
+            )
+
+    def _vectors_at(self, frames: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        """Origin, target and up at each frame, (N,) to (N, 3, 3)."""
+        flat = self.vectors.reshape(len(self.frames), 9)
+        columns = [np.interp(frames, self.frames, column) for column in flat.T]
+        return np.stack(columns, axis=1).reshape(-1, 3, 3)
+
+
+def _clearness(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """|(target - origin) x up|, which is zero where there is no view, (N, 3, 3) to (N,)."""
+    origin, target, up = np.moveaxis(vectors, 1, 0)
+    return np.asarray(np.linalg.norm(np.cross(target - origin, up), axis=-1))
 
 
 def load(path: Path) -> CameraPath:

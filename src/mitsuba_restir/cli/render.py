@@ -181,7 +181,16 @@ def _schedule(options: argparse.Namespace, path: camera_path.CameraPath | None) 
         frames = 1
     if frames is not None and frames > MAX_FRAMES:
         raise UsageError(f"the camera path has {frames} frames, more than {MAX_FRAMES}")
+    if path is not None:
+        _check_views(path, frames or MAX_FRAMES)
     return Schedule(frames, options.warmup, options.time_budget)
+
+
+def _check_views(path: camera_path.CameraPath, frames: int) -> None:
+    try:
+        path.check(frames)
+    except UsageError as error:
+        raise UsageError(f"argument --camera-path: {error}") from error
 
 
 def _guides(aovs: Mapping[str, str]) -> dict[str, str]:
