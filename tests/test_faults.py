@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import copy
+import os
 import pickle
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsuba_restir import camera_path, cli
+from mitsuba_restir import camera_path, cli, imageio
+from mitsuba_restir.cli.writer import Writer
 from mitsuba_restir.errors import UsageError
 
 # ------------------------------ words of the plugin ---------------------------------------------
@@ -164,3 +171,284 @@ def test_nothing_is_rendered_of_a_path_with_such_a_frame(tmp_path, monkeypatch, 
     assert error.count("\n") == 1
     assert "argument --camera-path: frame 2, between keyframes 0 and 1" in error
     assert [entry.name for entry in tmp_path.iterdir()] == ["path.toml"]
+
+
+# ------------------------------ a process that is ended -----------------------------------------
+
+COMMAND = [sys.executable, "-m", "mitsuba_restir"]
+RENDER = ["render", "ajar", "--resolution", "16x9", "-p", "max_depth=3"]
+
+
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    deadline = time.monotonic() + 120
+    while not condition():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def lines_of(process: subprocess.Popen[str], code: int) -> list[str]:
+    """What a process says on standard error, once it has ended with a code."""
+    try:
+        error = process.communicate(timeout=60)[1]
+    finally:
+        process.kill()
+    assert "Traceback" not in error
+    assert "Exception ignored" not in error
+    assert process.returncode == code, error
+    return error.splitlines()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 2], ids=["once", "twice"])
+def test_sigterm_keeps_the_average(tmp_path, times):
+    """``timeout`` sends it twice, to the process and to its group."""
+    picture = tmp_path / "mean.exr"
+    marks = tmp_path / "marks.py"
+    marks.write_text(MARKING)
+    command = [sys.executable, str(marks), *RENDER, "--average", "--frames", "100000"]
+    with subprocess.Popen([*command, "-o", str(picture)], **PIPES) as process:
+        wait_for((tmp_path / "third").exists, process)
+        for _ in range(times):
+            process.send_signal(signal.SIGTERM)
+        lines = lines_of(process, 143)
+    assert lines == ["mitsuba-restir: terminated"]
+    frames = int(mi.Bitmap(str(picture)).metadata()["frames averaged"])
+    assert frames >= 3
+    assert imageio.read_rgb(picture).shape == (9, 16, 3)
+    assert not list(tmp_path.glob(".*partial"))
+
+
+PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+
+MARKING = """
+import sys
+from pathlib import Path
+from mitsuba_restir import cli
+from mitsuba_restir.cli.writer import Writer
+
+add = Writer.add
+
+def marked(writer, frame, image):
+    add(writer, frame, image)
+    if frame == 2:
+        Path(__file__).with_name("third").touch()
+
+Writer.add = marked
+sys.exit(cli.main())
+"""
+
+STUDY = """
+name = "tiny"
+scene = "ajar"
+sizes = ["16x9"]
+max_depth = 3
+frames = 1
+runs = 100000
+quantities = ["rmse"]
+baseline = "one"
+[variants.one]
+type = "restir_pt"
+[reference]
+spp = 8
+batches = 8
+"""
+
+
+@pytest.mark.slow
+def test_sigterm_keeps_the_finished_runs_of_a_study(tmp_path):
+    file, out = tmp_path / "tiny.toml", tmp_path / "out"
+    file.write_text(STUDY)
+    command = [*COMMAND, "evaluate", str(file), "-o", str(out)]
+    with subprocess.Popen(command, **PIPES) as process:
+        wait_for(lambda: len(list(out.rglob("0*.npz"))) >= 3, process)
+        process.send_signal(signal.SIGTERM)
+        lines = lines_of(process, 143)
+    kept = "finished runs are kept, the same command goes on"
+    assert lines == [f"mitsuba-restir: terminated; {kept}"]
+    assert not list(out.rglob(".*.partial"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
+def test_an_average_that_is_being_written_is_written(tmp_path, monkeypatch, capsys, number):
+    """The signal comes while the last file is made, when the frames are only in memory."""
+    encode = imageio.encode_exr
+
+    def interrupted(*arguments: Any) -> bytes:
+        signal.raise_signal(number)
+        return encode(*arguments)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(imageio, "encode_exr", interrupted)
+    arguments = [*RENDER, "--average", "--frames", "2", "-o", "mean.exr"]
+    assert cli.main(arguments) == 128 + number
+    assert imageio.read_rgb(Path("mean.exr")).shape == (9, 16, 3)
+    word = "terminated" if number == signal.SIGTERM else "interrupted"
+    assert capsys.readouterr().err == f"mitsuba-restir: {word}\n"
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
+
+
+def test_sums_and_their_number_change_together():
+    """A signal may come between any two steps of Python: the mean is right after each."""
+    writer = Writer(None, [], [], {}, True, {})
+    bad = []
+
+    def watch(frame: Any, event: str, argument: Any) -> Any:
+        total, count = writer.sum
+        if count and not np.array_equal(total / count, np.ones((1, 1, 3))):
+            bad.append(frame.f_lineno)
+        return watch
+
+    sys.settrace(watch)
+    try:
+        for number in range(3):
+            writer.add(number, np.ones((1, 1, 3)))
+    finally:
+        sys.settrace(None)
+    assert writer.frames == 3
+    assert not bad
+
+
+# ------------------------------ standard output -------------------------------------------------
+
+QUICK = {
+    "scenes": ["scenes"],
+    "help": ["--help"],
+    "help of a command": ["evaluate", "--help"],
+    "version": ["--version"],
+}
+SLOW = {
+    "doctor": ["doctor"],
+    "mask": ["mask", "--size", "16", "-o", "out"],
+    "render": [*RENDER, "-o", "out.png"],
+    "compare": ["compare", "ajar", "--resolution", "16x9", "--frames", "1", "-o", "out"],
+    "evaluate": ["evaluate", "tiny.toml", "-o", "out", "-s", "runs=2"],
+}
+SLOW_PARAMETERS = [pytest.param(name, marks=pytest.mark.slow) for name in SLOW]
+
+
+def finished(name: str, folder: Path) -> bool:
+    """Whether a command has left what it is for."""
+    results = {
+        "mask": "out/void_and_cluster-16.npy",
+        "render": "out.png",
+        "compare": "out/compare.json",
+        "evaluate": "out/report.html",
+    }
+    return name not in results or (folder / results[name]).exists()
+
+
+@pytest.mark.parametrize("name", [*QUICK, *SLOW_PARAMETERS])
+def test_a_closed_pipe_is_silence(tmp_path, name):
+    """What reads the output has read enough; the work is done all the same."""
+    (tmp_path / "tiny.toml").write_text(STUDY)
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [*COMMAND, *{**QUICK, **SLOW}[name]]
+    with subprocess.Popen(command, cwd=tmp_path, **{**PIPES, "stdout": writer}) as process:
+        os.close(writer)
+        assert lines_of(process, 0) == []
+    assert finished(name, tmp_path)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("name", [*QUICK, *SLOW_PARAMETERS])
+def test_a_full_device_is_one_line(tmp_path, name):
+    (tmp_path / "tiny.toml").write_text(STUDY)
+    command = [*COMMAND, *{**QUICK, **SLOW}[name]]
+    with (
+        open("/dev/full", "w") as full,
+        subprocess.Popen(command, cwd=tmp_path, **{**PIPES, "stdout": full}) as process,
+    ):
+        lines = lines_of(process, 1)
+    assert lines == ["mitsuba-restir: cannot write standard output: No space left on device"]
+    assert finished(name, tmp_path)
+
+
+@pytest.mark.parametrize("redirection", ["2>/dev/full", "2>&-", ">&-", ">&- 2>&-"])
+def test_standard_streams_may_be_gone(redirection):
+    command = f'"{sys.executable}" -m mitsuba_restir scenes {redirection}'
+    result = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert result.returncode == 0
+    assert result.stderr == ""
+    command = f'"{sys.executable}" -m mitsuba_restir nothing {redirection}'
+    result = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+
+
+# ------------------------------ Ctrl-C before anything runs -------------------------------------
+
+IMPORTING = """
+import signal, sys
+import importlib.abc
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+class Interrupt(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+sys.argv = ["/usr/bin/mitsuba-restir", "scenes"]
+from mitsuba_restir.cli import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("module", ["drjit", "mitsuba", "rich", "mitsuba_restir.cli.render"])
+def test_ctrl_c_during_the_import_of_a_command_is_one_line(module):
+    program = IMPORTING.format(module=module)
+    with subprocess.Popen([sys.executable, "-c", program], **PIPES) as process:
+        assert lines_of(process, 130) == ["mitsuba-restir: interrupted"]
+
+
+def test_ctrl_c_during_the_import_of_the_library_is_ctrl_c():
+    program = IMPORTING.format(module="mitsuba").replace("/usr/bin/mitsuba-restir", "my_program")
+    program = f"try:\n exec({program!r})\nexcept KeyboardInterrupt:\n sys.exit(7)"
+    with subprocess.Popen([sys.executable, "-c", f"import sys\n{program}"], **PIPES) as process:
+        assert lines_of(process, 7) == []
+
+
+# ------------------------------ names that are too long -----------------------------------------
+
+LONG = "a" * 4096
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [*RENDER, "-o", LONG],
+        [*RENDER, "-o", f"{LONG}.png"],
+        [*RENDER, "-o", f"{LONG}/"],
+        [*RENDER, "-o", "a" * 250],
+        [*RENDER, "-o", "a" * 240, "--frames", "2"],
+        ["render", LONG],
+        [*RENDER, "--camera-path", LONG],
+        [*RENDER, "--camera-path", f"{LONG}.toml"],
+        ["compare", "ajar", "-o", LONG],
+        ["compare", LONG],
+        ["compare", "ajar", "--reference", LONG],
+        ["compare", "ajar", "--make-reference", f"{LONG}.exr"],
+        ["compare", "ajar", "--make-reference", "a" * 240 + ".exr"],
+        ["evaluate", LONG],
+        ["evaluate", "shifts", "-o", LONG],
+        ["evaluate", "shifts", "--reference", LONG],
+        ["evaluate", "shifts", "--scene", LONG],
+        ["mask", "-o", LONG],
+    ],
+    ids=lambda arguments: " ".join(word[:12] for word in arguments),
+)
+def test_a_name_that_is_too_long_is_one_line(tmp_path, monkeypatch, capsys, arguments):
+    def rendered(*_: Any, **__: Any) -> Any:
+        raise AssertionError("a frame was rendered for nothing")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(mi, "render", rendered)
+    assert cli.main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "aaaa" in error
+    assert not list(tmp_path.iterdir())

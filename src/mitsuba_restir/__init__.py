@@ -8,16 +8,24 @@ from __future__ import annotations
 
 import sys as _sys
 import warnings as _warnings
-
-from . import llvm as _llvm
+from pathlib import Path as _Path
 
 __version__ = "0.1.0"
 
 _imported_first = "drjit" not in _sys.modules
-_chosen = _llvm.provide()
+try:
+    from . import llvm as _llvm
 
-import drjit as _dr  # noqa: E402 -- Dr.Jit loads LLVM at import: it has to be chosen by then
-import mitsuba as _mi  # noqa: E402
+    _chosen = _llvm.provide()
+
+    import drjit as _dr  # Dr.Jit loads LLVM at import: it has to be chosen by then
+    import mitsuba as _mi
+except KeyboardInterrupt:
+    # The command is not there yet to say it in a line; a program of one's own decides for itself.
+    if _Path(_sys.argv[0]).stem not in ("mitsuba-restir", "-m"):
+        raise
+    print("mitsuba-restir: interrupted", file=_sys.stderr)
+    raise SystemExit(130) from None
 
 
 def _on_variant_change(previous: str | None, current: str) -> None:

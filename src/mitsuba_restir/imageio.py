@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -34,6 +35,11 @@ def with_rgb(image: npt.ArrayLike, extra: int) -> Image:
     return pixels
 
 
+def partial(path: Path) -> dict[str, Any]:
+    """Where ``tempfile`` shall put what becomes a file, so that a kill leaves nothing half done."""
+    return {"prefix": f".{path.name}.", "suffix": ".partial", "dir": path.parent}
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """
     Write a file under a temporary name beside its place, then rename it.
@@ -45,7 +51,7 @@ def write_atomically(path: Path, data: bytes) -> None:
         untouched.
     """
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
+        handle, name = tempfile.mkstemp(**partial(path))
     except OSError as error:
         raise RenderError(f"cannot write {path}: {error.strerror}") from error
     try:

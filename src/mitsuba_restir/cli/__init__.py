@@ -1,18 +1,26 @@
-"""The command line: ``mitsuba-restir COMMAND``."""
+"""The command line: ``mitsuba-restir COMMAND``.
+
+What the commands need is imported once one is run, so that Ctrl-C is handled from then on.
+"""
 
 from __future__ import annotations
 
+import importlib
 import sys
 import warnings
 from collections.abc import Sequence
 
 from .. import __version__
-from ..errors import RestirError, one_line, root
-from . import compare, doctor, evaluate, mask, render, scenes
+from ..errors import RestirError, UsageError, one_line, root
 from .arguments import OneLineParser
+from .signals import INTERRUPTED, TERMINATED, Termination, terminable
+from .streams import Stream, forgiving
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it: 128 + SIGINT."""
+_COMMANDS = ("render", "compare", "evaluate", "mask", "scenes", "doctor")
+_CODES = (
+    f"0 done, 1 failed while rendering, 2 wrong use, {INTERRUPTED} interrupted, "
+    f"{TERMINATED} terminated"
+)
 
 
 def build_parser() -> OneLineParser:
@@ -20,12 +28,12 @@ def build_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="mitsuba-restir",
         description="ReSTIR path tracing for Mitsuba 3.",
-        epilog="Exit codes: 0 done, 1 failed while rendering, 2 wrong use, 130 interrupted.",
+        epilog=f"Exit codes: {_CODES}.",
     )
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for module in (render, compare, evaluate, mask, scenes, doctor):
-        module.add_command(commands)
+    for name in _COMMANDS:
+        importlib.import_module(f".{name}", __name__).add_command(commands)
     return parser
 
 
@@ -41,32 +49,58 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0 done, 1 failed while rendering, 2 wrong use, 130 interrupted.
+        Exit code: 0 done, 1 failed while rendering, 2 wrong use, 130 interrupted (Ctrl-C), 143
+        terminated (SIGTERM).
     """
-    with warnings.catch_warnings():
+    with forgiving() as output, terminable() as termination, warnings.catch_warnings():
         warnings.showwarning = _show_warning
-        try:
-            options = build_parser().parse_args(arguments)
-            return int(options.run(options))
-        except KeyboardInterrupt as error:
-            return _interrupted(error)
-        except RestirError as error:
-            # Ctrl-C inside a plugin arrives as the cause of an error of Dr.Jit's.
-            if isinstance(root(error), KeyboardInterrupt):
-                return _interrupted(root(error))
-            print(f"mitsuba-restir: {one_line(error)}", file=sys.stderr)
-            return error.exit_code
+        return _all_written(output, _run(arguments, termination))
 
 
-def _interrupted(error: BaseException) -> int:
+def _run(arguments: Sequence[str] | None, termination: Termination) -> int:
+    try:
+        options = build_parser().parse_args(arguments)
+        return int(options.run(options))
+    except SystemExit as asked:  # by --help and --version
+        return int(asked.code or 0)
+    except KeyboardInterrupt as error:
+        return _interrupted(error, termination)
+    except RestirError as error:
+        # Ctrl-C inside a plugin arrives as the cause of an error of Dr.Jit's.
+        if isinstance(root(error), KeyboardInterrupt):
+            return _interrupted(root(error), termination)
+        _say(one_line(error))
+        return error.exit_code
+    except OSError as error:
+        # A name that the system refuses, as for its length, before anyone could look at the file.
+        if error.filename is None:
+            raise
+        _say(f"{error.filename}: {error.strerror}")
+        return UsageError.exit_code
+
+
+def _interrupted(error: BaseException, termination: Termination) -> int:
     # What a command has to say about it.
     text = f"; {error}" if str(error) else ""
-    print(f"mitsuba-restir: interrupted{text}", file=sys.stderr)
-    return INTERRUPTED
+    _say(f"{'terminated' if termination.came else 'interrupted'}{text}")
+    return termination.code
+
+
+def _all_written(output: Stream, code: int) -> int:
+    """The exit code, given what became of the output."""
+    output.flush()
+    if output.lost and code == 0:
+        _say(f"cannot write standard output: {output.lost}")
+        return 1
+    return code
+
+
+def _say(text: str) -> None:
+    print(f"mitsuba-restir: {text}", file=sys.stderr)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"mitsuba-restir: warning: {one_line(message)}", file=sys.stderr)
+    _say(f"warning: {one_line(message)}")
 
 
-__all__ = ["build_parser", "main"]
+__all__ = ["INTERRUPTED", "build_parser", "main"]

@@ -173,7 +173,10 @@ def run(options: argparse.Namespace) -> int:
             f"argument --reference: {options.reference} has {given.shape[1]}x{given.shape[0]} "
             f"pixels, the images have {size[0]}x{size[1]}"
         )
-    output.prepare_folder(options.make_reference.parent if options.make_reference else folder)
+    if options.make_reference:
+        output.prepare_folder(options.make_reference.parent, options.make_reference.name)
+    else:
+        output.prepare_folder(folder)
     with rendering():
         if options.make_reference:
             spp = options.reference_spp

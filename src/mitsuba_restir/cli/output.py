@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -116,18 +117,25 @@ def plan(text: str | None, scene: str, numbered: bool) -> Output:
     return Output(path, False, numbered)
 
 
-def prepare_folder(folder: Path) -> None:
+def prepare_folder(folder: Path, name: str = "image.exr") -> None:
     """
     Make a folder and make sure that files can be written into it.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        The longest name that a file there is going to have.
 
     Raises
     ------
     UsageError
-        It cannot be made or written.
+        It cannot be made or written, or the name is too long.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        with tempfile.NamedTemporaryFile(**imageio.partial(folder / name)):
             pass
     except OSError as error:
-        raise UsageError(f"argument -o: cannot write to {folder}: {error.strerror}") from error
+        place = folder / name if error.errno == errno.ENAMETOOLONG else folder
+        raise UsageError(f"argument -o: cannot write to {place}: {error.strerror}") from error

@@ -18,7 +18,8 @@ from . import denoising, loading, output
 from .arguments import as_dict, assignment, integer, positive_seconds, resolution
 from .parameters import parse_aovs, parse_parameters
 from .sequence import Schedule, run_frames
-from .writer import Writer
+from .signals import held
+from .writer import DENOISED, Writer
 
 MAX_FRAMES = 1_000_000
 MAX_SPP = 65_536
@@ -143,7 +144,8 @@ def run(options: argparse.Namespace) -> int:
     sensor = loading.choose_sensor(scene, options.sensor)
     channels = [*RGB, *integrator.aov_names()]
     move = _camera_mover(sensor, path) if path else None
-    output.prepare_folder(target.stem.parent)
+    extra = DENOISED if options.denoise else ""
+    output.prepare_folder(target.stem.parent, f"{target.name(MAX_FRAMES - 1, extra).name}.exr")
 
     metadata = {
         "mitsuba-restir": __version__,
@@ -168,8 +170,9 @@ def run(options: argparse.Namespace) -> int:
             for frame, image in run_frames(render_frame, schedule):
                 writer.add(frame, image)
     finally:
-        writer.finish()
-        _report(writer, start)
+        with held():
+            writer.finish()
+            _report(writer, start)
     return 0
 
 

@@ -12,6 +12,9 @@ import numpy.typing as npt
 from ..imageio import RGB, Image
 from . import denoising, output
 
+DENOISED = "_denoised"
+"""What the names of denoised pictures have besides."""
+
 
 @dataclass
 class Writer:
@@ -31,6 +34,10 @@ class Writer:
         Keep a running sum instead of writing each frame.
     metadata : mapping
         For the header of each EXR.
+    written : list of Path
+        Files that are complete.
+    sum : (array, int)
+        Sum of the frames to be averaged, (H, W, C), and how many frames there were.
     """
 
     target: output.Output
@@ -40,23 +47,29 @@ class Writer:
     average: bool
     metadata: Mapping[str, str]
     written: list[Path] = field(default_factory=list)
-    frames: int = 0
-    _sum: npt.NDArray[np.float64] | None = None
+    sum: tuple[npt.NDArray[np.float64], int] = (np.zeros(()), 0)
+
+    @property
+    def frames(self) -> int:
+        """How many frames it has taken."""
+        return self.sum[1]
 
     def add(self, frame: int, image: Image) -> None:
         """Take one frame."""
+        total, count = self.sum
         if self.average:
-            total = np.zeros(image.shape) if self._sum is None else self._sum
-            self._sum = total + image
+            total = total + image
         else:
             self._write(frame, image, {"frame": str(frame)})
-        self.frames += 1
+        # Both at once: a signal may end the command here.
+        self.sum = total, count + 1
 
     def finish(self) -> None:
         """Write the average, if there is one to write."""
-        if self._sum is not None:
-            mean = (self._sum / self.frames).astype(np.float32)
-            self._write(0, mean, {"frames averaged": str(self.frames)})
+        total, count = self.sum
+        if self.average and count:
+            mean = (total / count).astype(np.float32)
+            self._write(0, mean, {"frames averaged": str(count)})
 
     def _select(self, image: Image, names: Sequence[str]) -> Image:
         return image[..., [self.channels.index(name) for name in names]]
@@ -73,4 +86,4 @@ class Writer:
             layers = [self._layer(image, self.guides[kind]) for kind in denoising.GUIDES]
             clean = denoising.denoise(self._select(image, RGB), *layers)
             metadata["denoised"] = "Intel Open Image Denoise"
-            self.written += self.target.write(frame, clean, RGB, metadata, "_denoised")
+            self.written += self.target.write(frame, clean, RGB, metadata, DENOISED)
