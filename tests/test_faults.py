@@ -19,7 +19,8 @@ import pytest
 
 from mitsuba_restir import camera_path, cli, imageio
 from mitsuba_restir.cli.writer import Writer
-from mitsuba_restir.errors import UsageError
+from mitsuba_restir.errors import UsageError, root
+from mitsuba_restir.integrators import frame
 
 # ------------------------------ words of the plugin ---------------------------------------------
 
@@ -219,6 +220,22 @@ def test_sigterm_keeps_the_average(tmp_path, times):
     assert not list(tmp_path.glob(".*partial"))
 
 
+def test_ctrl_c_while_a_frame_is_recorded_comes_out(rgb, monkeypatch):
+    """It once counted as a scene that cannot be recorded, and rendering went on."""
+
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    renderer, scene = mi.load_dict({"type": "restir_pt"}), tiny()
+    with monkeypatch.context() as context:
+        context.setattr(frame, "initial", interrupted)
+        with pytest.raises(BaseException) as error:  # noqa: PT011 -- Dr.Jit wraps it
+            renderer.render(scene, spp=1)
+    assert isinstance(root(error.value), KeyboardInterrupt)
+    assert renderer.render(scene, spp=1).shape == (4, 4, 3)
+    assert renderer._sample_paths._recorded is not None
+
+
 PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 
 MARKING = """
@@ -294,10 +311,10 @@ def test_sums_and_their_number_change_together():
     writer = Writer(None, [], [], {}, True, {})
     bad = []
 
-    def watch(frame: Any, event: str, argument: Any) -> Any:
+    def watch(at: Any, event: str, argument: Any) -> Any:
         total, count = writer.sum
         if count and not np.array_equal(total / count, np.ones((1, 1, 3))):
-            bad.append(frame.f_lineno)
+            bad.append(at.f_lineno)
         return watch
 
     sys.settrace(watch)

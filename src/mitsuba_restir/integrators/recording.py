@@ -10,6 +10,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..errors import root
 from .frame import Plan
 
 
@@ -34,7 +35,8 @@ class Stage:
             try:
                 return self._recorded(*inputs)
             except RuntimeError as error:
-                if "record" not in str(error):
+                # Ctrl-C while a stage is being recorded says nothing of whether it can be.
+                if "record" not in str(error) or isinstance(root(error), KeyboardInterrupt):
                     raise
                 self._recorded = None
         return self._traced(*inputs)
