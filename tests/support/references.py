@@ -58,6 +58,8 @@ CASES = {
     "open_room": Case(rooms.open_room),
     "open_room_moved": Case(rooms.open_room, edit={"lamp.position": LAMP_MOVED}),
     "far_room": Case(lambda: rooms.open_room(50.0), max_depth=7),
+    "corner_small": Case(lambda: rooms.corner(scale=1e-3)),
+    "corner_away": Case(lambda: rooms.corner(x=1e3)),
     "grooves": Case(rooms.grooves, max_depth=4),
 }
 

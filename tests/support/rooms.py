@@ -157,3 +157,34 @@ def grooves(alpha: float = 0.2, period: float = 0.16) -> Scene:
                 "bsdf": metal,
             }
     return scene
+
+
+CORNER_CAMERA = ([0.0, 0.6, 0.6], [0.0, 0.08, -0.95])
+
+
+def corner(scale: float = 1.0, x: float = 0.0) -> Scene:
+    """Where floor and back wall of the open room meet, ``scale`` times as large and moved by ``x``.
+
+    Vertices are close together there, and rays start off their surfaces by 9e-5 (1 + max |p|),
+    whatever the size of the scene.
+    """
+    moved = mi.ScalarTransform4f().translate([x, 0, 0]).scale(scale)
+
+    def place(point: Any) -> Any:
+        return list(np.array(moved @ mi.ScalarPoint3f(point)))
+
+    view = sensor(fov=18.0)
+    view.update(
+        to_world=look(*map(place, CORNER_CAMERA)), near_clip=0.01 * scale, far_clip=1e4 * scale
+    )
+    walls = _walls(_diffuse(0.7, 0.7, 0.7))
+    return {
+        "type": "scene",
+        "sensor": view,
+        **{name: {**wall, "to_world": moved @ wall["to_world"]} for name, wall in walls.items()},
+        "lamp": {
+            "type": "point",
+            "position": place([0.3, 1.3, 0.2]),
+            "intensity": _rgb(2.0 * scale**2, 1.5 * scale**2, 1.0 * scale**2),
+        },
+    }

@@ -38,7 +38,7 @@ from ..paths.scattering import (
     sample_light,
 )
 from ..paths.spectrum import response
-from ..paths.vertex import Vertex, exists, seen_from
+from ..paths.vertex import Vertex, connected, exists
 from ..shifts.connectability import depart
 from ..shifts.ending import Ends, ending, own_factor
 from ..shifts.scope import Scope
@@ -53,12 +53,12 @@ CHANGES: tuple[str, ...] = ("vertex", "wo", "radiance", "light_pdf", "factor")
 class Landing:
     """The reconnection vertex that a path is to have.
 
-    Fields: ``vertex``, ``si`` (invalid for the environment), ``direction`` (from the pivot to it).
+    Fields: ``vertex``, ``si`` (invalid for the environment), ``ray`` (from the pivot to it).
     """
 
     vertex: Vertex
     si: mi.SurfaceInteraction3f
-    direction: mi.Vector3f
+    ray: mi.Ray3f
 
 
 def at_vertex(
@@ -82,7 +82,7 @@ def at_vertex(
     tested : Bool
         Lanes that have one.
     """
-    scene, mapping, si_k, direction = scope.scene, scope.mapping, landing.si, landing.direction
+    scene, mapping, si_k, ray = scope.scene, scope.mapping, landing.si, landing.ray
     kind, k, following = kind_of(path), reconnection_index(path), continuation_of(path)
     far, nee, hit = kind == Kind.FAR, kind == Kind.NEE, kind == Kind.HIT
     by_numbers = kind == Kind.REPLAY_NEE
@@ -97,15 +97,15 @@ def at_vertex(
     )
     sampled = active & dr.select(by_numbers, can_connect(bsdf), nee & can_connect(bsdf_k))
     light = sample_light(scene, dr.select(by_numbers, pivot.si, si_k), numbers, False, sampled)
-    direction = dr.select(by_numbers, light.d, direction)
+    direction = dr.select(by_numbers, light.d, ray.d)
     value, pdf = evaluate(pivot.si, bsdf, direction, active & (~by_numbers | light.valid))
     start = depart(pivot.si, direction, pdf, mi.Bool(False), pivot.limit)
     limit_k = mapping.criterion.vertex_limit(si_k, bsdf_k, onward)
-    pair = mapping.link(start, si_k, limit_k, k, pivot.footprint)
+    pair = mapping.link(start, ray, si_k, limit_k, k, pivot.footprint)
 
     # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
 
-    ray_n, pi_n = seen_from(following.vertex, si_k.p, pivot.lambdas)
+    ray_n, pi_n, reached = connected(si_k, following.vertex)
     si_n = mi.SurfaceInteraction3f(pivot.next_si)
     si_n.wi = pivot.next_si.to_local(-ray_n.d)
     wo = dr.select(nee, light.d, dr.select(ahead, ray_n.d, path.wo))
@@ -114,7 +114,7 @@ def at_vertex(
     geometry = dr.abs(dr.dot(si_n.n, ray_n.d)) / dr.square(pi_n.t)
 
     # The pair before the pivot must stay unconnectable with the new direction, and x_k connectable.
-    defined = active & ~(pdf <= pivot.arrival.limit)
+    defined = active & ~(pdf <= pivot.arrival.limit) & (~ahead | reached)
     defined &= by_numbers | dr.select(onward, (pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches)
 
     # ------------------------------ what arrives ------------------------------------------------

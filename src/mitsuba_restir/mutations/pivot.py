@@ -103,7 +103,7 @@ def pivot_of(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.Bool) -
     head = replay(scope, stream, at_primary(hit, lambdas, response_weight), bounces, active)
     si = head.pi.compute_surface_interaction(head.ray, active=active)
     limit = scope.mapping.criterion.vertex_limit(si, si.bsdf(), active)
-    arrival = scope.mapping.link(head.start, si, limit, head.index, hit.footprint)
+    arrival = scope.mapping.link(head.start, head.ray, si, limit, head.index, hit.footprint)
     valid = active & (head.outcome == Outcome.OK) & si.is_valid()
     return Pivot(
         si,

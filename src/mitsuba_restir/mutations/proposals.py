@@ -15,7 +15,7 @@ import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Kind, PathRecord, kind_of
-from ..paths.vertex import compact, seen_from
+from ..paths.vertex import compact, connected
 from ..resampling.reservoir import Reservoir
 from ..shifts.scope import Scope
 from .kind import Proposal, State
@@ -40,12 +40,12 @@ class MoveReconnectionVertex:
         """See :class:`.kind.Mutation`; the first state is the path itself, with its colour."""
         path = reservoirs.path
         pivot = pivot_of(scope, path, hits, (reservoirs.weight > 0) & movable(path))
-        ray, pi = seen_from(path.vertex, pivot.si.p, pivot.lambdas)
+        ray, pi, _ = connected(pivot.si, path.vertex)
         si = pi.compute_surface_interaction(ray, active=pivot.valid)
         # A path to the environment has no vertex; its direction is stored.
-        direction = dr.select(kind_of(path) == Kind.ENVIRONMENT, path.wo, ray.d)
-        si.wi = dr.select(si.is_valid(), si.wi, -direction)
-        landing = Landing(path.vertex, si, direction)
+        ray.d = dr.select(kind_of(path) == Kind.ENVIRONMENT, path.wo, ray.d)
+        si.wi = dr.select(si.is_valid(), si.wi, -ray.d)
+        landing = Landing(path.vertex, si, ray)
         state, _, _ = at_vertex(scope, pivot, path, landing, pivot.valid)
         return pivot, replace(state, path=path, color=reservoirs.color)
 
@@ -63,10 +63,9 @@ class MoveReconnectionVertex:
         aimed = active & ~by_numbers
         pi = scope.scene.ray_intersect_preliminary(ray, coherent=False, active=aimed)
         si = pi.compute_surface_interaction(ray, active=aimed)
-        direction = dr.select(si.is_valid(), dr.normalize(si.p - pivot.si.p), ray.d)
         lands = active & (by_numbers | (si.is_valid() ^ to_environment))
 
-        landing = Landing(compact(pi, si.p), si, direction)
+        landing = Landing(compact(pi, si.p), si, ray)
         proposed, shadow, tested = at_vertex(scope, pivot, path, landing, lands)
 
         lobe = _log_lobe(state, proposed.pdf, proposed, self.step) - _log_lobe(

@@ -85,7 +85,7 @@ def _tree(
         si = pi.compute_surface_interaction(ray)
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active & si.is_valid())
-        arrival = mapping.link(start, si, limit, j, hit.footprint)
+        arrival = mapping.link(start, ray, si, limit, j, hit.footprint)
         place = Place(name, anchor, arrival, compact(pi, si.p), j)
 
         # -------------------------- light found by the last bounce ------------------------------

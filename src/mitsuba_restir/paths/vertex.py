@@ -57,11 +57,7 @@ def exists(vertex: Vertex) -> mi.Bool:
 def seen_from(
     vertex: Vertex, origin: mi.Point3f, lambdas: mi.Spectrum
 ) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
-    """The ray from ``origin`` to the vertex and the intersection that it would have found.
-
-    Distances are taken between the points themselves, not from an offset ray origin, so that a
-    path shifted to its own pixel has a Jacobian of one.
-    """
+    """The ray from ``origin`` to the vertex and the intersection that it would have found."""
     to_vertex = vertex.p - origin
     distance = dr.norm(to_vertex)
     ray = mi.Ray3f(origin, to_vertex / distance, 0.0, lambdas)
@@ -74,3 +70,23 @@ def seen_from(
     pi.instance = vertex.instance
     pi.valid = exists(vertex)
     return ray, pi
+
+
+def connected(
+    si: mi.SurfaceInteraction3f, vertex: Vertex
+) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f, mi.Bool]:
+    """The ray with which a bounce from ``si`` would have found the vertex, and what it found.
+
+    A traced ray starts off its surface, on the side to which it leaves, and by an offset that is
+    not small where a scene is small or far from the origin. Direction, distance and visibility are
+    those of that ray, so that a path shifted to its own pixel has a Jacobian of one.
+
+    Returns
+    -------
+    ray : Ray3f
+    pi : PreliminaryIntersection3f
+    found : Bool
+        Whether there is such a bounce: none finds what lies within the offset of the tangent plane.
+    """
+    ray, pi = seen_from(vertex, si.spawn_ray_to(vertex.p).o, si.wavelengths)
+    return ray, pi, dr.dot(si.n, ray.d) * dr.dot(si.n, vertex.p - si.p) > 0

@@ -19,7 +19,7 @@ from ..paths.scattering import Scattered
 
 @dataclass
 class Departure:
-    """How a path left its last vertex: point ``p``, ``pdf``, ``delta``, ``cos`` to the face normal.
+    """How a path left its last vertex ``p``: ``pdf``, ``delta``, ``cos`` to the face normal.
 
     ``limit`` is the largest pdf for which that vertex counts as rough.
     """

@@ -20,7 +20,7 @@ from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Kind, PathRecord, edge_count, kind_of, reconnection_index
 from ..paths.scattering import can_connect, emission, evaluate, sample_light
 from ..paths.spectrum import response
-from ..paths.vertex import exists, seen_from
+from ..paths.vertex import connected, exists
 from .connectability import depart
 from .ending import Ends, ending, own_factor
 from .mapping import Outcome
@@ -92,11 +92,11 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
     si = head.pi.compute_surface_interaction(head.ray)
     bsdf = si.bsdf()
     limit = criterion.vertex_limit(si, bsdf, alive)
-    arrival = mapping.link(head.start, si, limit, head.index, head.footprint)
+    arrival = mapping.link(head.start, head.ray, si, limit, head.index, head.footprint)
 
     numbers = mi.Point2f(path.wo.x, path.wo.y)
     light = sample_light(scene, si, numbers, False, by_light & can_connect(bsdf))
-    ray_k, pi_k = seen_from(path.vertex, si.p, head.ray.wavelengths)
+    ray_k, pi_k, found = connected(si, path.vertex)
     direction = dr.select(to_vertex, ray_k.d, dr.select(to_environment, path.wo, light.d))
     value, pdf = evaluate(si, bsdf, direction, extends & (~by_light | light.valid))
 
@@ -111,9 +111,10 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
     bsdf_k = si_k.bsdf()
     start = depart(si, direction, pdf, mi.Bool(False), limit)
     limit_k = criterion.vertex_limit(si_k, bsdf_k, onward)
-    pair = mapping.link(start, si_k, limit_k, reconnection_index(path), head.footprint)
+    pair = mapping.link(start, ray_k, si_k, limit_k, reconnection_index(path), head.footprint)
     value_k, pdf_k = evaluate(si_k, bsdf_k, path.wo, onward)
     fits = dr.select(onward, (pdf_k <= pair.limit) & (pdf_k > 0), pair.reaches)
+    fits &= found | to_environment
     outcome = dr.select(
         alive & (kind >= Kind.FAR) & (outcome == Outcome.OK) & ~fits, Outcome.UNCONNECTABLE, outcome
     )

@@ -45,6 +45,7 @@ class ShiftMapping:
     def link(
         self,
         start: Departure,
+        ray: mi.Ray3f,
         si: mi.SurfaceInteraction3f,
         end_limit: mi.Float,
         index: mi.UInt32,
@@ -56,13 +57,16 @@ class ShiftMapping:
         ----------
         start : Departure
             How the path left x_{k-1}.
+        ray : Ray3f
+            The ray that found ``si``. It starts off the surface of x_{k-1}; a solid angle there is
+            an area at x_k by the distance from that point.
         end_limit : Float
             The criterion's ``vertex_limit`` at ``si``.
         footprint : Float
             The pixel's :func:`.connectability.pixel_footprint`.
         """
         valid = si.is_valid()
-        span = si.p - start.p
+        span = si.p - ray.o
         distance2 = dr.squared_norm(span)
         cos_end = dr.abs(dr.dot(si.n, span)) * dr.rsqrt(distance2)
         rough = ~start.delta & (start.pdf <= start.limit) & (start.pdf > 0)

@@ -58,7 +58,7 @@ def replay(scope: Scope, stream: Stream, head: Head, bounces: mi.UInt32, active:
         si = pi.compute_surface_interaction(ray)
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active)
-        arrival = mapping.link(start, si, limit, j, footprint)
+        arrival = mapping.link(start, ray, si, limit, j, footprint)
         bounce = scatter(si, bsdf, stream, j, active)
         connectable = ~bounce.delta & (bounce.pdf <= arrival.limit)
         throughput *= bounce.weight
