@@ -5,14 +5,25 @@ Each test is for a wrong picture that was once rendered without a word.
 
 from __future__ import annotations
 
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
 import pytest
-from support import references
-from support.modes import Mode
+from scipy import stats
+from support import references, rooms
+from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
-from support.runs import assert_unbiased
+from support.runs import ALPHA, assert_unbiased, integrator
 from support.stationarity import stationarity_report
 from support.transport import transport_report
 from test_unbiased import check
+from zoo import _texture as texture
+
+from mitsuba_restir.passes.color_history import ColorHistory, clamped, remember
+from mitsuba_restir.resampling.mis import canonical_share, share
+from mitsuba_restir.resampling.reservoir import empty_reservoir, finalize, fits, is_sound, offer
 
 # --------------------------------- the offset of rays -------------------------------------------
 
@@ -66,3 +77,166 @@ def test_a_connection_on_the_surface_is_seen(rgb, monkeypatch, name):
     apply(monkeypatch, ON_THE_SURFACE)
     assert not transport(name, "hybrid", 256).passed
     assert not stationarity(name).passed
+
+
+# --------------------------------- values that are not finite -----------------------------------
+
+
+def textured_room(value: float) -> mi.Scene:
+    """The room with one texel of the given albedo in its diffuse floor."""
+    texels = np.full((16, 16, 3), 0.5)
+    texels[8, 8] = value
+    description = rooms.room()
+    floor = {"type": "diffuse", "reflectance": texture(texels, raw=True)}
+    description["floor"]["bsdf"] = {"type": "twosided", "nested": floor, "id": "floor_bsdf"}
+    return mi.load_dict(description)
+
+
+def mend(scene: mi.Scene) -> None:
+    parameters = mi.traverse(scene)
+    (key,) = [key for key in parameters.keys() if key.endswith("reflectance.data")]
+    parameters[key] = mi.TensorXf(np.full((16, 16, 3), 0.5, np.float32))
+    parameters.update()
+
+
+def not_finite(image: Any) -> int:
+    """Pixels of a picture that are not finite."""
+    return int((~np.isfinite(np.array(image)[..., :3])).any(axis=-1).sum())
+
+
+def poisoned(renderer: Any) -> int:
+    """Values of the history that are not finite."""
+    history = renderer._history
+    values = [history.reservoirs.weight, history.reservoirs.color, history.reservoirs.confidence]
+    values += [history.reservoirs.path.radiance, history.reservoirs.path.jacobian]
+    if history.colors is not None:
+        values += [history.colors.color]
+    return sum(int((~np.isfinite(np.array(value))).sum()) for value in values)
+
+
+HOSTILE = {
+    "both": {},
+    "rounds": {"spatial_rounds": 3},
+    "ranked": {"neighbor_sampling": "blue_noise"},
+    "scored": {"neighbor_sampling": "geometry"},
+    "mutations": {"mutations": 2},
+    "selection": {"blue_noise": "selection", "retrace_history": True},
+}
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+@pytest.mark.parametrize("mode", HOSTILE)
+def test_an_infinite_texel_stays_where_it_is(rgb, mode, value):
+    """As many pixels are not finite as with ``path``, none once the texel is mended.
+
+    The numbers of pixels are compared by the normal approximation of two Poisson counts, of about
+    150 each: that ours are too many, or too few, is seen from a third on.
+    """
+    scene = textured_room(value)
+    path = mi.load_dict({"type": "path", "max_depth": 5})
+    renderer = integrator(5, MODES["both"], **HOSTILE[mode])
+    theirs = sum(not_finite(mi.render(scene, integrator=path, seed=i, spp=1)) for i in range(24))
+    ours = counted = 0
+    for i in range(24):
+        ours += not_finite(renderer.render(scene, seed=i, spp=1))
+        counted += renderer.statistics()["not_finite"]
+        assert poisoned(renderer) == 0
+    print(f"{mode}, {value}: {ours} pixels, path {theirs}; {counted} values refused")
+    assert theirs > 100
+    assert counted >= ours
+    assert abs(ours - theirs) < stats.norm.isf(ALPHA / 2) * (ours + theirs) ** 0.5
+
+    mend(scene)
+    for i in range(3):
+        assert not_finite(renderer.render(scene, seed=i, spp=1)) == 0
+        assert renderer.statistics()["not_finite"] == 0
+
+
+def test_a_candidate_that_is_taken_all_the_same_is_seen(rgb, monkeypatch):
+    """The control: were it not refused, it would be in the history after one frame."""
+    apply(monkeypatch, (Mutation(" & fits(reservoir, weight)", ""),))
+    apply(monkeypatch, (Mutation("(total == 0) | (", "(total >= 0) | ("),))
+    scene = textured_room(np.inf)
+    renderer = integrator(5, MODES["both"])
+    for i in range(4):
+        renderer.render(scene, seed=i, spp=1)
+    assert poisoned(renderer) > 0
+
+
+def bright_room(exponent: int) -> mi.Scene:
+    """The room, 2^exponent times as bright."""
+    description = rooms.room()
+    lights = [(description["light"]["emitter"], "radiance"), (description["lamp"], "intensity")]
+    for plugin, key in lights:
+        plugin[key] = {**plugin[key], "value": [2.0**exponent * x for x in plugin[key]["value"]]}
+    return mi.load_dict(description)
+
+
+BRIGHT = {name: extra for name, extra in HOSTILE.items() if name != "selection"}
+
+
+@pytest.mark.parametrize("mode", BRIGHT)
+def test_brightness_is_a_factor(rgb, mode):
+    """With 10^20 times the light, the same picture, bit by bit; with 10^36 times, finite.
+
+    Only the products of confidences, weights and Jacobians reach the end of single precision then:
+    what they concern is refused and counted.
+    """
+    pictures = {}
+    for exponent in (0, 66, 120):
+        scene = bright_room(exponent)
+        renderer = integrator(5, MODES["both"], **BRIGHT[mode])
+        pictures[exponent] = np.stack(
+            [
+                np.array(renderer.render(scene, seed=i, spp=1), np.float64) / 2.0**exponent
+                for i in range(12)
+            ]
+        )
+        refused = renderer.statistics()["not_finite"]
+        print(f"{mode}, 2^{exponent}: {refused} values refused")
+        assert poisoned(renderer) == 0
+        assert refused == 0 or exponent == 120
+    np.testing.assert_array_equal(pictures[66], pictures[0])
+    assert np.isfinite(pictures[120]).all()
+    assert refused > 0
+    np.testing.assert_allclose(pictures[120].mean(), pictures[0].mean(), rtol=0.01)
+
+
+@pytest.mark.parametrize("weight", [np.inf, np.nan, 3e38])
+def test_reservoirs_refuse_what_is_not_finite(rgb, weight):
+    """An infinite weight, none at all, and one whose sum with the others is infinite."""
+    one = dr.full(mi.UInt32, 1, 1)
+    before = empty_reservoir(False)
+    before = offer(before, before.path, mi.Color3f(2), mi.Float(2e38), mi.Float(0.5), one == 1)
+    assert fits(before, mi.Float(1e38))[0]
+    assert not fits(before, mi.Float(weight))[0]
+    after = offer(before, before.path, mi.Color3f(9), mi.Float(weight), mi.Float(0.5), one == 1)
+    assert after.weight[0] == before.weight[0]
+    assert np.array(after.color).max() == 2
+
+
+def test_a_weight_that_overflows_is_not_sound(rgb):
+    reservoir = empty_reservoir(False)
+    assert is_sound(reservoir, reservoir.weight)[0]
+    for color, sound in ((1.0, True), (1e-36, False)):
+        reservoir.weight, reservoir.color = mi.Float(1e10), mi.Color3f(color)
+        assert is_sound(finalize(reservoir, 1), reservoir.weight)[0] == sound
+
+
+def test_shares_are_a_partition_where_they_overflow(rgb):
+    big = mi.Float(3e38)
+    assert np.isnan(share(big, big)[0])
+    assert canonical_share(big, big)[0] == 1
+    assert canonical_share(mi.Float(1), mi.Float(3))[0] == 0.25
+
+
+def test_the_color_history_forgets_what_is_not_finite(rgb):
+    """Of three pixels, two are not finite: one in this frame, one by the square of its values."""
+    past = ColorHistory(mi.Color3f(1), mi.Float(5))
+    now = remember(past, mi.Color3f(mi.Float([2, np.inf, np.nan])))
+    np.testing.assert_array_equal(np.array(now.color)[0, 1:], 1)
+    assert np.array(now.color)[0, 0] > 1
+    nobody = dr.zeros(mi.UInt32, 2)
+    bright = mi.Color3f(mi.Float([1, 1e20]))
+    found = clamped(mi.Color3f(mi.Float([3, 3e20])), bright, nobody, mi.UInt32(2))
+    np.testing.assert_array_equal(np.array(found)[0], np.float32([1, 3e20]))

@@ -67,7 +67,9 @@ class Sampled:
 
     Fields: ``reservoirs``, ``outcomes`` (of the temporal shifts), ``matched`` (pixels that found
     their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
-    pixel's previous place; None without selection).
+    pixel's previous place; None without selection), ``direct`` (shown beside what the reservoirs
+    hold: light seen directly, and candidates that are not finite), ``refused`` (how many candidates
+    and paths of the history were not finite).
     """
 
     reservoirs: Reservoir
@@ -75,6 +77,8 @@ class Sampled:
     matched: mi.Bool
     flow: mi.Vector2f
     colors: ColorHistory | None
+    direct: mi.Color3f
+    refused: mi.UInt32
 
 
 @dataclass
@@ -82,14 +86,16 @@ class Frame:
     """A rendered frame.
 
     Fields: ``color``, ``alpha``, ``auxiliary`` (channels), ``outcomes`` (of the temporal pass and
-    of each spatial round, 3 bits a shift), ``matched`` (pixels that found their history),
-    ``mutated`` (None without mutations), ``history``.
+    of each spatial round, 3 bits a shift), ``refused`` (a single one: candidates and paths of the
+    history that were not finite), ``matched`` (pixels that found their history), ``mutated`` (None
+    without mutations), ``history``.
     """
 
     color: mi.Color3f
     alpha: mi.Float
     auxiliary: list[mi.Float]
     outcomes: list[list[mi.UInt32]]
+    refused: mi.UInt32
     matched: mi.Bool
     mutated: Mutated | None
     history: History
@@ -165,23 +171,27 @@ def sample_paths(
         Candidate trees per pixel.
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
-    reservoirs = initial(scope, now.hit, spp, parameters.mutates)
-    dr.eval(reservoirs)
+    reservoirs, refused = initial(scope, now.hit, spp, parameters.mutates)
+    direct = now.emitted + refused.color
+    dr.eval(reservoirs, direct, refused.count)
     if not parameters.temporal or camera is None:
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
-        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, _colors_at(history, nowhere))
+        colors = _colors_at(history, nowhere)
+        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, direct, refused.count)
 
     motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
     hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
     if parameters.retrace_history:
-        before = retrace(scope, before, hit_before, motion.valid)
-        dr.eval(before)
+        before, lost = retrace(scope, before, hit_before, motion.valid)
+        refused.count += dr.select(lost, mi.UInt32(1), 0)
+        dr.eval(before, refused.count)
     previous = Previous(before, hit_before, motion.valid)
     reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, _colors_at(history, motion))
+    colors = _colors_at(history, motion)
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, direct, refused.count)
     dr.eval(sampled)
     return sampled
 
@@ -227,12 +237,13 @@ def share_paths(
             scope, now.hit, color, estimators, sampled.colors, parameters.retrace_history
         )
 
-    color += now.emitted
+    color += sampled.direct
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
-    dr.eval(color, extra)
+    refused = dr.sum(sampled.refused)
+    dr.eval(color, extra, refused)
     history = History(reservoirs, now.hit, colors)
-    return Frame(color, now.alpha, extra, outcomes, sampled.matched, mutated, history)
+    return Frame(color, now.alpha, extra, outcomes, refused, sampled.matched, mutated, history)
 
 
 def _colors_at(history: History, motion: Motion) -> ColorHistory | None:

@@ -33,7 +33,7 @@ from .declaration import page
 from .frame import Frame, History, Plan, Setting, no_history, sample_paths, share_paths
 from .parameters import PARAMETERS, read_parameters
 from .recording import Stage, collection_paused
-from .statistics import mutation_shares, outcome_shares
+from .statistics import mutation_shares, outcome_shares, refused_count
 
 NEAR_FRACTION = 0.03
 """Distance threshold of ``distance_roughness`` as a fraction of the scene's radius."""
@@ -170,7 +170,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         Returns
         -------
         dict
-            ``matched``: share of pixels that found their history. One entry per reuse pass
+            ``matched``: share of pixels that found their history. ``not_finite``: how many
+            candidates, shifts and merges were not finite; none of them gets into a reservoir, and a
+            candidate is shown in its own frame as ``path`` would show it. One entry per reuse pass
             (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
             something to shift. ``mutations``: per class of path, its share of the pixels that had
             their turn, the acceptance rate, the shares of the accepted mutations that raise and
@@ -183,7 +185,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         shares = {"temporal": outcome_shares(temporal, 2)} if temporal else {}
         for index, packed in enumerate(rounds):
             shares[f"spatial_{index}"] = outcome_shares(packed, 1)
-        statistics = {"matched": float(dr.mean(mi.Float(self._frame.matched))[0]), **shares}
+        refused = int(self._frame.refused[0]) + refused_count(self._frame.outcomes)
+        statistics = {
+            "matched": float(dr.mean(mi.Float(self._frame.matched))[0]),
+            "not_finite": refused,
+            **shares,
+        }
         if self._frame.mutated is not None:
             statistics["mutations"] = mutation_shares(
                 self._frame.mutated, self.parameters.mutations

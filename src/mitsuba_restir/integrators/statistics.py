@@ -7,7 +7,7 @@ import mitsuba as mi
 
 from ..mutations.chain import Mutated
 from ..mutations.pivot import MutationClass
-from ..shifts.mapping import Outcome
+from ..shifts.mapping import MERGE_REFUSED, Outcome
 
 
 def outcome_shares(packed: list[mi.UInt32], shifts: int) -> dict[str, float]:
@@ -23,6 +23,19 @@ def outcome_shares(packed: list[mi.UInt32], shifts: int) -> dict[str, float]:
     tried = max(sum(counts) - counts[Outcome.EMPTY], 1)
     named = zip(Outcome.names(), counts, strict=True)
     return {name: n / tried for name, n in named if name != "empty"}
+
+
+def refused_count(packed: list[list[mi.UInt32]]) -> int:
+    """How many shifts and merges were not finite, by the packed outcomes of all reuse passes."""
+    temporal, *rounds = packed
+    shifts = [(words, 2) for words in temporal]
+    shifts += [(words, 1) for outcomes in rounds for words in outcomes]
+    refused = 0
+    for words, count in shifts:
+        for i in range(count):
+            refused += int(dr.count((words >> (3 * i)) & 7 == Outcome.NOT_FINITE)[0])
+        refused += int(dr.count((words & MERGE_REFUSED) != 0)[0])
+    return refused
 
 
 def mutation_shares(mutated: Mutated, mutations: int) -> dict[str, dict[str, float]]:

@@ -83,10 +83,12 @@ def run_chain(
         proposal = mutation.propose(scope, pivot, state, u, active)
         proposed = proposal.state
         take = active & (uniform(random, i, 2) < acceptance(state, proposal))
-        take &= target(proposed.color) > 0
+        new_weight = weight * target(state.color) / target(proposed.color)
+        # A path without light, or with more than a weight can follow, is outside of the chain.
+        take &= (new_weight > 0) & (new_weight < dr.inf)
         # An occluded proposal is rejected. Only what would be accepted needs to be tested for that.
         take &= ~scope.scene.ray_test(proposal.shadow, take & proposal.tested)
-        weight = dr.select(take, weight * target(state.color) / target(proposed.color), weight)
+        weight = dr.select(take, new_weight, weight)
         accepted += dr.select(take, mi.UInt32(1), 0)
         gain = target(proposed.color) - target(state.color)
         raised += dr.select(take & (gain > 0), mi.UInt32(1), 0)

@@ -47,7 +47,9 @@ def remember(before: ColorHistory, mean: mi.Color3f) -> ColorHistory:
         here: the history would follow its own choices.
     """
     frames = dr.minimum(before.frames + 1, MEMORY)
-    return ColorHistory(dr.lerp(before.color, mean, 2 / (frames + 1)), frames)
+    after = ColorHistory(dr.lerp(before.color, mean, 2 / (frames + 1)), frames)
+    # A mean that is not finite would stay for ever.
+    return dr.select(dr.all(dr.isfinite(after.color)), after, before)
 
 
 def clamped(grid: Grid, color: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32) -> mi.Color3f:
@@ -65,7 +67,9 @@ def clamped(grid: Grid, color: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32) -
     """
     centre, square = (local_mean(grid, x, alike) for x in (mean, mean * mean))
     deviation = dr.sqrt(dr.maximum(square - centre * centre, 0))
-    return dr.clip(color, centre - deviation, centre + deviation)
+    # From 1e19 on single precision cannot hold the squares, and the history is left as it is.
+    known = dr.isfinite(square - centre * centre)
+    return dr.select(known, dr.clip(color, centre - deviation, centre + deviation), color)
 
 
 def relit(

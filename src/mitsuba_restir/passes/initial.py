@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
+from ..paths.record import Continuation
 from ..paths.scattering import (
     balance,
     can_connect,
@@ -23,7 +24,18 @@ from ..paths.scattering import (
 )
 from ..paths.spectrum import response, target
 from ..paths.vertex import compact, exists
-from ..resampling.reservoir import Reservoir, Streaming, empty_streaming, finalize, offer
+from ..resampling.reservoir import (
+    Refused,
+    Reservoir,
+    Streaming,
+    empty_streaming,
+    finalize,
+    fits,
+    is_sound,
+    none_refused,
+    offer,
+    refuse,
+)
 from ..sampling.streams import FrameKey, PathName, Purpose, uniform
 from ..shifts.anchor import Place, no_anchor, onward, record_hit, record_nee
 from ..shifts.connectability import depart_scattered
@@ -31,8 +43,12 @@ from ..shifts.replay import at_primary
 from ..shifts.scope import Scope
 
 
-def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> Reservoir:
+def initial(
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool
+) -> tuple[Reservoir, Refused]:
     """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
+
+    What a path tracer would show as well, but no reservoir can hold, is handed back beside it.
 
     Parameters
     ----------
@@ -44,25 +60,34 @@ def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> R
         Whether records carry the continuation that mutations need.
     """
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
-    return finalize(_trees(scope, hit, spp, continued), mi.Float(spp), confidence)
+    streaming, refused = _trees(scope, hit, spp, continued)
+    reservoir = finalize(streaming, mi.Float(spp), confidence)
+    lost = ~is_sound(reservoir, streaming.total)
+    shown = streaming.color * (streaming.total / target(streaming.color))
+    refused = refuse(refused, shown, lost)
+    refused.color /= mi.Float(spp)
+    reservoir.weight = dr.select(lost, 0, reservoir.weight)
+    return reservoir, refused
 
 
 @dr.syntax
-def _trees(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> Streaming:
-    streaming = empty_streaming(continued)
+def _trees(
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool
+) -> tuple[Streaming, Refused]:
+    streaming, refused = empty_streaming(continued), none_refused()
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
     while dr.hint(tree < spp, exclude=[scope], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
-        streaming = _tree(scope, hit, name, continued, streaming)
+        streaming, refused = _tree(scope, hit, name, streaming, refused)
         tree += 1
-    return streaming
+    return streaming, refused
 
 
 @dr.syntax
 def _tree(
-    scope: Scope, hit: PrimaryHit, name: PathName, continued: bool, streaming: Streaming
-) -> Streaming:
+    scope: Scope, hit: PrimaryHit, name: PathName, streaming: Streaming, refused: Refused
+) -> tuple[Streaming, Refused]:
     """Trace one path tree and stream its sub-paths through the reservoir."""
     scene, mapping, limits = scope.scene, scope.mapping, scope.limits
     stream = scope.stream(name)
@@ -79,7 +104,7 @@ def _tree(
     j = head.index  # index of the current vertex
     survival = mi.Float(1)  # probability of having survived roulette
     eta = mi.Float(1)  # index of refraction relative to the camera
-    anchor = no_anchor(continued)
+    anchor = no_anchor(isinstance(streaming.path.next, Continuation))
 
     while dr.hint(active, exclude=[scope, limits, mapping], label="Initial candidates"):
         si = pi.compute_surface_interaction(ray)
@@ -95,8 +120,9 @@ def _tree(
         light_pdf = dr.select(start.delta, 0, light_pdf)
         path = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
         color = response(throughput * radiance * balance(start.pdf, light_pdf), lambdas)
-        u = uniform(choices, j, 0)
-        streaming = offer(streaming, path, color, target(color) / survival, u, arrived)
+        weight = target(color) / survival
+        refused = refuse(refused, color / survival, arrived & ~fits(streaming, weight))
+        streaming = offer(streaming, path, color, weight, uniform(choices, j, 0), arrived)
 
         # -------------------------- light sampled from this vertex ------------------------------
 
@@ -109,8 +135,9 @@ def _tree(
         mis = nee_weight(light_pdf, pdf)
         path = record_nee(place, light, numbers, pdf, value * mis, light_pdf)
         color = response(throughput * value * light.weight * mis, lambdas)
-        u = uniform(choices, j, 1)
-        streaming = offer(streaming, path, color, target(color) / survival, u, light.valid)
+        weight = target(color) / survival
+        refused = refuse(refused, color / survival, light.valid & ~fits(streaming, weight))
+        streaming = offer(streaming, path, color, weight, uniform(choices, j, 1), light.valid)
 
         # -------------------------- next bounce -------------------------------------------------
 
@@ -123,11 +150,11 @@ def _tree(
         brightest = dr.max(throughput) / survival
         chance = dr.minimum(brightest * dr.square(eta), 0.95)
         roulette = j >= limits.rr_depth
-        active &= (brightest > 0) & (~roulette | (bounce.roulette < chance))
+        active &= (brightest != 0) & (~roulette | (bounce.roulette < chance))
         survival *= dr.select(roulette, chance, 1)
 
         ray = si.spawn_ray(bounce.wo)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         j += 1
 
-    return streaming
+    return streaming, refused

@@ -46,10 +46,13 @@ from ..paths.scattering import (
 from ..paths.vertex import compact, seen_from
 from ..resampling.reservoir import Reservoir
 from ..shifts.hybrid import shift
+from ..shifts.mapping import Outcome
 from ..shifts.scope import Scope
 
 
-def retrace(scope: Scope, history: Reservoir, hit: PrimaryHit, active: mi.Bool) -> Reservoir:
+def retrace(
+    scope: Scope, history: Reservoir, hit: PrimaryHit, active: mi.Bool
+) -> tuple[Reservoir, mi.Bool]:
     """Evaluate the history's paths again in the current scene.
 
     Parameters
@@ -59,18 +62,24 @@ def retrace(scope: Scope, history: Reservoir, hit: PrimaryHit, active: mi.Bool) 
 
     Returns
     -------
-    Reservoir
+    reservoir : Reservoir
         The same paths in the current scene; weight 0 where a path no longer carries light.
+    refused : Bool
+        Lanes whose path is lost because its light or its weight is not finite.
     """
     active = active & (history.weight > 0)
     path = _retrace_suffix(scope, history.path, hit, active)
     renewed = shift(scope, path, hit, active)
-    return Reservoir(
+    weight = history.weight * renewed.jacobian
+    found = dr.max(renewed.color) > 0
+    finite = dr.isfinite(weight)
+    reservoir = Reservoir(
         with_factor(path, renewed.factor),
         renewed.color,
-        dr.select(dr.max(renewed.color) > 0, history.weight * renewed.jacobian, 0),
+        dr.select(found & finite, weight, 0),
         history.confidence,
     )
+    return reservoir, (renewed.outcome == Outcome.NOT_FINITE) | (found & ~finite)
 
 
 @dr.syntax

@@ -19,7 +19,8 @@ pixel is visited once, in nine sets of pixels three apart that see one another's
 Ours are the mirror images and the bound: a choice that avoids outliers darkens the image, because
 outliers are bright. With mirror images it can go either way, and errors of more than :data:`LIMIT`
 times the history around are taken for that, on either side. Pixels with a single pair, whose
-candidates would be its two estimates, show their mean.
+candidates would be its two estimates, show their mean, and so do those whose errors are beyond
+1e19, where single precision cannot hold their squares.
 
 The choice depends on the values chosen from, so what is shown is biased. It is for display only:
 nothing of it gets into reservoirs or history.

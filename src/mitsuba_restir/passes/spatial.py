@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 
 from ..neighbors.exchange import Strategy
 from ..resampling.pairwise import PairEstimators, Sharing, merge
 from ..resampling.reservoir import Reservoir
 from ..sampling.streams import Purpose
+from ..shifts.mapping import MERGE_REFUSED
 
 
 @dataclass
@@ -18,7 +20,7 @@ class Merged:
     """What a round of spatial reuse leaves.
 
     Fields: ``reservoirs``, ``color`` (mean of the pair estimators), ``estimators``, ``outcomes``
-    (of the shifts).
+    (of the shifts; the first with :data:`mitsuba_restir.shifts.mapping.MERGE_REFUSED`).
     """
 
     reservoirs: Reservoir
@@ -51,4 +53,10 @@ def spatial(
     reservoirs, color, estimators = merge(
         reservoirs, exchange.pulled, exchange.shares, exchange.confidence, selection
     )
-    return Merged(reservoirs, color, estimators, exchange.outcomes)
+    tried, kept = mi.Bool(False), mi.Bool(False)
+    for theirs, valid in zip(exchange.pulled, estimators.valid[1:], strict=True):
+        tried |= theirs.valid
+        kept |= valid
+    refused = dr.select(tried & ~kept, mi.UInt32(MERGE_REFUSED), 0)
+    first, *others = exchange.outcomes
+    return Merged(reservoirs, color, estimators, [first | refused, *others])

@@ -19,10 +19,11 @@ import mitsuba as mi
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import with_factor
 from ..paths.spectrum import target
-from ..resampling.mis import density, share
-from ..resampling.reservoir import Reservoir, Streaming, finalize, offer
+from ..resampling.mis import canonical_share, density, share
+from ..resampling.reservoir import Reservoir, Streaming, finalize, fits, is_sound, offer
 from ..sampling.streams import Purpose, uniform
 from ..shifts.hybrid import shift
+from ..shifts.mapping import MERGE_REFUSED, Outcome
 from ..shifts.scope import Scope
 
 
@@ -60,7 +61,8 @@ def temporal(
     -------
     reservoir : Reservoir
     outcomes : UInt32
-        Outcomes of the two shifts (history to current, current to history), 3 bits each.
+        Outcomes of the two shifts (history to current, current to history), 3 bits each, and
+        :data:`mitsuba_restir.shifts.mapping.MERGE_REFUSED`.
     """
     history = capped(previous, current, cap)
     reusable = previous.valid & (history.weight > 0)
@@ -68,7 +70,9 @@ def temporal(
     backward = shift(scope, current.path, previous.hit, previous.valid & (current.weight > 0))
 
     own = current.confidence * target(current.color)
-    m_current = share(own, density(history.confidence, target(backward.color), backward.jacobian))
+    m_current = canonical_share(
+        own, density(history.confidence, target(backward.color), backward.jacobian)
+    )
     theirs = density(history.confidence, target(history.color), 1 / forward.jacobian)
     m_history = share(theirs, current.confidence * target(forward.color))
 
@@ -82,13 +86,19 @@ def temporal(
         uniform(random, 0, 0),
         mi.Bool(True),
     )
+    weight = m_history * target(forward.color) * forward.jacobian * history.weight
+    refused = reusable & (forward.outcome == Outcome.OK) & ~fits(streaming, weight)
+    outcome = dr.select(refused, Outcome.NOT_FINITE, forward.outcome)
     streaming = offer(
         streaming,
         with_factor(history.path, forward.factor),
         forward.color,
-        m_history * target(forward.color) * forward.jacobian * history.weight,
+        weight,
         uniform(random, 1, 0),
         reusable,
     )
-    merged = finalize(streaming, 1, current.confidence + history.confidence)
-    return merged, forward.outcome | (backward.outcome << 3)
+    confidence = current.confidence + history.confidence
+    merged = finalize(streaming, 1, confidence)
+    sound = is_sound(merged, streaming.total)
+    outcomes = outcome | (backward.outcome << 3) | dr.select(sound, mi.UInt32(0), MERGE_REFUSED)
+    return dr.select(sound, merged, replace(current, confidence=confidence)), outcomes

@@ -20,7 +20,7 @@ is decided in :mod:`mitsuba_restir.neighbors`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -30,9 +30,11 @@ from ..paths.record import PathRecord, with_factor
 from ..paths.spectrum import target
 from ..sampling.streams import Stream, uniform
 from ..shifts.hybrid import shift
+from ..shifts.mapping import Outcome
 from ..shifts.scope import Scope
+from . import mis
 from .mis import density, share
-from .reservoir import Reservoir
+from .reservoir import Reservoir, is_sound
 
 
 @dataclass
@@ -108,16 +110,18 @@ def pull(
         density(theirs.confidence, target(theirs.color), 1 / shifted.jacobian),
         reservoirs.confidence / sharing.neighbors * target(shifted.color),
     )
+    weight = m_other * shifted.jacobian * theirs.weight
     used = valid & (target(shifted.color) > 0)
+    refused = used & ~dr.isfinite(weight * target(shifted.color))
     reach = density(reservoirs.confidence, target(shifted.color), shifted.jacobian)
     return Pulled(
         source,
         valid,
         shifted.color,
         shifted.factor,
-        dr.select(used, m_other * shifted.jacobian * theirs.weight, 0),
+        dr.select(used & ~refused, weight, 0),
         dr.select(returned, reach, 0),
-        shifted.outcome,
+        dr.select(refused, Outcome.NOT_FINITE, shifted.outcome),
     )
 
 
@@ -149,7 +153,8 @@ def push(
 
 def canonical_share(sharing: Sharing, reservoirs: Reservoir, reach: mi.Float) -> mi.Float:
     """MIS weight m_{c,i} of every pixel's own sample against the neighbour that has the reach."""
-    return share(reservoirs.confidence / sharing.neighbors * target(reservoirs.color), reach)
+    own = reservoirs.confidence / sharing.neighbors * target(reservoirs.color)
+    return mis.canonical_share(own, reach)
 
 
 def merge(
@@ -176,11 +181,12 @@ def merge(
     Returns
     -------
     reservoir : Reservoir
-        The merged reservoirs.
+        The merged reservoirs; the pixel's own where single precision cannot hold the merged one.
     color : Color3f
         Mean of the pair estimators.
     estimators : PairEstimators
-        One entry for the canonical sample and one per neighbour.
+        One entry for the canonical sample and one per neighbour (none is valid where the merged
+        reservoir is refused).
     """
     pixel = dr.arange(mi.UInt32, dr.width(reservoirs.weight))
     canonical = reservoirs.color * reservoirs.weight
@@ -222,4 +228,8 @@ def merge(
         dr.select(leading > 0, total / (count * leading), 0),
         confidence,
     )
-    return merged, (color + canonical_sum * canonical) / count, estimators
+    color = (color + canonical_sum * canonical) / count
+    sound = is_sound(merged, total) & dr.all(dr.isfinite(color))
+    estimators.valid = [estimators.valid[0], *(valid & sound for valid in estimators.valid[1:])]
+    own = replace(reservoirs, confidence=confidence)
+    return dr.select(sound, merged, own), dr.select(sound, color, canonical), estimators

@@ -38,6 +38,37 @@ class Streaming:
     total: mi.Float
 
 
+@dataclass
+class Refused:
+    """Candidates that no reservoir takes, because their weight is not finite in single precision.
+
+    One of them in a reservoir would be reused for ever, by ever more pixels.
+
+    Fields: ``color`` (sum of their contributions: shown in their own frame, once), ``count``.
+    """
+
+    color: mi.Color3f
+    count: mi.UInt32
+
+
+def none_refused() -> Refused:
+    """No candidate."""
+    return Refused(mi.Color3f(0), mi.UInt32(0))
+
+
+def refuse(refused: Refused, contribution: mi.Color3f, active: mi.Bool) -> Refused:
+    """Add a candidate that contributes ``contribution`` to its pixel."""
+    return Refused(
+        refused.color + dr.select(active, contribution, 0),
+        refused.count + dr.select(active, mi.UInt32(1), 0),
+    )
+
+
+def fits(streaming: Streaming, weight: mi.Float) -> mi.Bool:
+    """Lanes where a reservoir can take a candidate of a weight: their sum is finite."""
+    return dr.isfinite(streaming.total + weight)
+
+
 def empty_reservoir(continued: bool) -> Reservoir:
     """The reservoir of a pixel without a path; ``continued`` as in :func:`empty_record`."""
     return Reservoir(empty_record(continued), mi.Color3f(0), mi.Float(0), mi.Float(0))
@@ -63,11 +94,12 @@ def offer(
     color : Color3f
         The candidate's integrand F in this pixel.
     weight : Float
-        Its resampling weight w = m p-hat W; not positive means "not a candidate".
+        Its resampling weight w = m p-hat W; not positive means "not a candidate", and neither is
+        what does not fit (:func:`fits`).
     u : Float
         Uniform number from a stream that no path uses.
     """
-    weight = dr.select(active & (weight > 0), weight, 0)
+    weight = dr.select(active & (weight > 0) & fits(streaming, weight), weight, 0)
     total = streaming.total + weight
     take = u * total < weight
     return Streaming(
@@ -80,3 +112,8 @@ def finalize(streaming: Streaming, count: mi.Float | int, confidence: mi.Float) 
     selected = target(streaming.color)
     weight = dr.select(selected > 0, streaming.total / (count * selected), 0)
     return Reservoir(streaming.path, streaming.color, weight, confidence)
+
+
+def is_sound(reservoir: Reservoir, total: mi.Float) -> mi.Bool:
+    """Lanes where single precision can hold W, if anything of the sum ``total`` was selected."""
+    return (total == 0) | ((reservoir.weight > 0) & (reservoir.weight < dr.inf))

@@ -127,6 +127,8 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
     emitted_pdf = dr.select(by_hit & head.start.delta, 0, emitted_pdf)
     ends = Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, head.start.pdf)
     color = head.throughput * ending(path, ends)
+    finite = dr.all(dr.isfinite(color))
+    outcome = dr.select((outcome == Outcome.OK) & ~finite, Outcome.NOT_FINITE, outcome)
     color = dr.select(outcome == Outcome.OK, color, 0)
     bright = dr.max(dr.abs(color)) > 0
     outcome = dr.select((outcome == Outcome.OK) & ~bright, Outcome.DARK, outcome)

@@ -21,6 +21,12 @@ class Outcome(Codes):
     UNCONNECTABLE = 4  # the new pair fails the connectability test
     DARK = 5  # the shifted integrand vanishes (a BSDF or an emitter faces away)
     OCCLUDED = 6  # the new connection is blocked
+    NOT_FINITE = 7  # the shifted integrand or its weight is not finite
+
+
+MERGE_REFUSED = 1 << 6
+"""Bit beside the packed outcomes of a pass: single precision cannot hold the merged weight, and the
+pixel keeps its own sample."""
 
 
 @dataclass(frozen=True)

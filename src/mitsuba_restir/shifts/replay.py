@@ -65,7 +65,7 @@ def replay(scope: Scope, stream: Stream, head: Head, bounces: mi.UInt32, active:
 
         start = depart_scattered(si, bounce, limit)
         ray = si.spawn_ray(bounce.wo)
-        active &= ~connectable & (dr.max(dr.abs(throughput)) > 0)
+        active &= ~connectable & (dr.max(dr.abs(throughput)) != 0)
         pi = scope.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         outcome = dr.select(
             connectable,
