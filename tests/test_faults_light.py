@@ -5,6 +5,7 @@ Each test is for a wrong picture that was once rendered without a word.
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import drjit as dr
@@ -15,12 +16,13 @@ from scipy import stats
 from support import references, rooms
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
-from support.runs import ALPHA, assert_unbiased, integrator
+from support.runs import ALPHA, assert_unbiased, bias_report, independent_runs, integrator
 from support.stationarity import stationarity_report
 from support.transport import transport_report
 from test_unbiased import check
 from zoo import _texture as texture
 
+from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.passes.color_history import ColorHistory, clamped, remember
 from mitsuba_restir.resampling.mis import canonical_share, share
 from mitsuba_restir.resampling.reservoir import empty_reservoir, finalize, fits, is_sound, offer
@@ -240,3 +242,145 @@ def test_the_color_history_forgets_what_is_not_finite(rgb):
     bright = mi.Color3f(mi.Float([1, 1e20]))
     found = clamped(mi.Color3f(mi.Float([3, 3e20])), bright, nobody, mi.UInt32(2))
     np.testing.assert_array_equal(np.array(found)[0], np.float32([1, 3e20]))
+
+
+# --------------------------------- masks --------------------------------------------------------
+
+OPACITY = 0.3
+LAMP = np.array([0.3, 1.4, 1.5])
+
+
+def masks(sky: float | None, black: bool = False) -> mi.Scene:
+    """A screen of opacity 0.3, and others: a wall behind it, thin glass and a torn foil before it.
+
+    All end inside the view. ``black``: they reflect nothing, and there is no lamp.
+    """
+    place = mi.ScalarTransform4f
+    cloth = {"type": "diffuse", "reflectance": 0.0 if black else 0.6}
+    torn = {"type": "checkerboard", "color0": 0.2, "color1": 0.9}
+    bsdfs = {
+        "screen": {"type": "mask", "opacity": OPACITY, "nested": cloth},
+        "wall": {"type": "mask", "opacity": 0.8, "nested": cloth},
+        "pane": {"type": "thindielectric", "specular_reflectance": 0.0 if black else 1.0},
+        "foil": {
+            "type": "mask",
+            "opacity": torn,
+            "nested": cloth if black else {"type": "conductor", "material": "Ag"},
+        },
+    }
+    places = {
+        "screen": place().translate([0, 0.9, 0]).scale([0.8, 0.7, 1]),
+        "wall": place().translate([1.0, 1.0, -1]).scale([1, 0.6, 1]),
+        "pane": place().translate([-0.5, 0.7, 1]).scale([0.2, 0.4, 1]),
+        "foil": place().translate([0.4, 0.7, 1]).scale([0.2, 0.4, 1]),
+    }
+    view = rooms.sensor(fov=35.0)
+    view["film"] |= {"width": 16, "height": 16, "pixel_format": "rgba"}
+    scene: dict[str, Any] = {"type": "scene", "sensor": view}
+    for name, bsdf in bsdfs.items():
+        scene[name] = {"type": "rectangle", "to_world": places[name], "bsdf": bsdf}
+    if not black:
+        scene["lamp"] = {"type": "point", "position": LAMP.tolist(), "intensity": 3.0}
+    if sky is not None:
+        scene["sky"] = {"type": "constant", "radiance": sky}
+    return mi.load_dict(scene)
+
+
+@functools.cache
+def path_batches(
+    sky: float | None, depth: int, hide: bool = False, black: bool = False
+) -> np.ndarray:
+    """16 independent images of ``path`` with alpha, (16, H, W, 4)."""
+    scene = masks(sky, black)
+    path = mi.load_dict(
+        {"type": "path", "max_depth": depth, "rr_depth": 1000, "hide_emitters": hide}
+    )
+    batches = [mi.render(scene, integrator=path, spp=512, seed=1000 + i) for i in range(16)]
+    return np.stack([np.array(batch, dtype=np.float64) for batch in batches])
+
+
+def mean_and_variance(batches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return batches.mean(axis=0), batches.var(axis=0, ddof=1) / len(batches)
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4])
+@pytest.mark.parametrize("hide", [False, True])
+@pytest.mark.parametrize("sky", [None, 0.5])
+def test_alpha_is_coverage(rgb, sky, hide, depth):
+    """As in ``path``: the share of rays that scatter by more than null lobes, or see the sky."""
+    expected, variance = mean_and_variance(path_batches(sky, depth, hide)[..., 3:])
+    scene = masks(sky)
+    renderer = integrator(depth, MODES["both"], hide_emitters=hide)
+    runs = (np.array(renderer.render(scene, seed=i, spp=2))[..., 3:] for i in range(512))
+    report = bias_report(runs, 512, expected, variance)
+    assert_unbiased(report, f"alpha-{sky}-{hide}-{depth}", 0.05)
+    assert (expected.min() == 1) == (sky is not None and not hide)
+
+
+MASKED = ["candidates_4", "spatial_3", "temporal", "both", "both_replay", "both_distance"]
+
+
+@pytest.mark.parametrize("mode", MASKED)
+def test_a_lamp_before_masks(rgb, mode):
+    """Without a sky, what a lamp lights on a mask is what it is with a black sky.
+
+    ``path`` gives nothing for a ray that only passed through null lobes and left the scene, though
+    the light sampled on its way is reflected by the mask whether or not the ray goes on through it.
+    A black sky makes it keep such rays.
+    """
+    expected, variance = mean_and_variance(path_batches(0.0, 4)[..., :3])
+    chosen = MODES[mode]
+    runs = independent_runs(integrator(4, chosen), masks(None), chosen)
+    assert_unbiased(bias_report(runs, 256, expected, variance), f"masks-{mode}", 0.03)
+
+
+ALONE = np.s_[6:8, 6:8]
+"""Pixels that see the screen, with nothing before or behind it."""
+
+
+def irradiance_of_the_screen() -> float:
+    """What the lamp gives the screen in the pixels ``ALONE``, at 16 points each."""
+    camera, target = (np.array(point) for point in rooms.CAMERA)
+    sides = (np.arange(6, 8, 0.25) + 0.125) / 8 - 1
+    x, y = np.meshgrid(sides, -sides)
+    forward = (target - camera) / np.linalg.norm(target - camera)
+    right = np.array([1.0, 0.0, 0.0])
+    up = np.cross(right, forward)
+    ray = np.tan(np.radians(35.0 / 2)) * (x[..., None] * right + y[..., None] * up) + forward
+    to_lamp = LAMP - (camera - ray * (camera[2] / ray[..., 2:]))
+    distance = np.linalg.norm(to_lamp, axis=-1)
+    return float((3.0 * to_lamp[..., 2] / distance**3).mean())
+
+
+def test_path_darkens_masks(rgb):
+    """The control: a mask of opacity o reflects o rho E / pi, and ``path`` shows o times that."""
+    found = path_batches(None, 2)[..., :3]
+    expected, variance = mean_and_variance(path_batches(0.0, 2)[..., :3])
+    assert not bias_report(iter(found), 16, expected, variance).passed
+    reflected = OPACITY * 0.6 / np.pi * irradiance_of_the_screen()
+    np.testing.assert_allclose(expected[ALONE].mean(), reflected, rtol=0.02)
+    shown = found.mean(axis=0)[ALONE].mean()
+    np.testing.assert_allclose(shown, OPACITY * reflected, rtol=0.04)
+
+
+def hidden_sky_report(mode: str, runs: int = 256) -> BiasReport:
+    """Against the image with its sky, less the sky that is seen straight through black masks."""
+    seen, seen_variance = mean_and_variance(path_batches(0.5, 4)[..., :3])
+    through, variance = mean_and_variance(path_batches(0.5, 4, black=True)[..., :3])
+    chosen = MODES[mode]
+    renderer = integrator(4, chosen, hide_emitters=True)
+    found = independent_runs(renderer, masks(0.5), chosen)
+    return bias_report(found, runs, seen - through, seen_variance + variance)
+
+
+@pytest.mark.parametrize("mode", MASKED)
+def test_the_sky_is_hidden_behind_masks(rgb, mode):
+    assert_unbiased(hidden_sky_report(mode), f"hidden-{mode}", 0.05)
+
+
+@pytest.mark.parametrize("where", ["head.scattered | (not", "si.is_valid() | scattered | (not"])
+def test_a_sky_that_is_seen_through_masks_is_noticed(rgb, monkeypatch, where):
+    """The control: not hidden from the shifts, and not from the candidates."""
+    hidden = f"{where} mapping.hides_sky)"
+    apply(monkeypatch, (Mutation(hidden, hidden.replace("(not mapping.hides_sky)", "True")),))
+    assert not hidden_sky_report("both", 512).passed

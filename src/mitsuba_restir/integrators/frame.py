@@ -69,7 +69,7 @@ class Sampled:
     their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
     pixel's previous place; None without selection), ``direct`` (shown beside what the reservoirs
     hold: light seen directly, and candidates that are not finite), ``refused`` (how many candidates
-    and paths of the history were not finite).
+    and paths of the history were not finite), ``alpha``.
     """
 
     reservoirs: Reservoir
@@ -79,6 +79,7 @@ class Sampled:
     colors: ColorHistory | None
     direct: mi.Color3f
     refused: mi.UInt32
+    alpha: mi.Float
 
 
 @dataclass
@@ -171,14 +172,18 @@ def sample_paths(
         Candidate trees per pixel.
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
-    reservoirs, refused = initial(scope, now.hit, spp, parameters.mutates)
+    candidates = initial(scope, now.hit, spp, parameters.mutates)
+    reservoirs, refused = candidates.reservoirs, candidates.refused
     direct = now.emitted + refused.color
-    dr.eval(reservoirs, direct, refused.count)
+    alpha = dr.maximum(now.backdrop, candidates.coverage)
+    dr.eval(reservoirs, direct, refused.count, alpha)
     if not parameters.temporal or camera is None:
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
         colors = _colors_at(history, nowhere)
-        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, direct, refused.count)
+        return Sampled(
+            reservoirs, [], nowhere.valid, nowhere.flow, colors, direct, refused.count, alpha
+        )
 
     motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
@@ -191,7 +196,9 @@ def sample_paths(
     reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
     colors = _colors_at(history, motion)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, direct, refused.count)
+    sampled = Sampled(
+        reservoirs, [outcome], motion.valid, flow, colors, direct, refused.count, alpha
+    )
     dr.eval(sampled)
     return sampled
 
@@ -243,7 +250,7 @@ def share_paths(
     refused = dr.sum(sampled.refused)
     dr.eval(color, extra, refused)
     history = History(reservoirs, now.hit, colors)
-    return Frame(color, now.alpha, extra, outcomes, refused, sampled.matched, mutated, history)
+    return Frame(color, sampled.alpha, extra, outcomes, refused, sampled.matched, mutated, history)
 
 
 def _colors_at(history: History, motion: Motion) -> ColorHistory | None:

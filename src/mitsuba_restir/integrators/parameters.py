@@ -25,7 +25,11 @@ class Parameters:
     rr_depth: int = declared(
         5, "Depth from which initial candidates are subject to Russian roulette.", low=1
     )
-    hide_emitters: bool = declared(False, "Hide directly visible emitters.")
+    hide_emitters: bool = declared(
+        False,
+        """Hide directly visible emitters; the environment also behind what a ray passes through
+        (masks, thin glass).""",
+    )
     temporal: bool = declared(True, "Reuse the paths of earlier frames.")
     spatial: bool = declared(True, "Reuse the paths of neighbouring pixels.")
     spatial_neighbors: int = declared(

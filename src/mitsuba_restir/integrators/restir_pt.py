@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import warnings
+from dataclasses import replace
 from typing import Any, NoReturn, SupportsIndex
 
 import drjit as dr
@@ -19,7 +20,7 @@ from ..sampling.dither import Dither, mask_texture
 from ..sampling.masks import load_mask
 from ..sampling.streams import FrameKey
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
-from ..shifts.mapping import shift_mapping
+from ..shifts.mapping import ShiftMapping, shift_mapping
 from .border import (
     WORDS,
     check_same_variant,
@@ -31,7 +32,7 @@ from .border import (
 )
 from .declaration import page
 from .frame import Frame, History, Plan, Setting, no_history, sample_paths, share_paths
-from .parameters import PARAMETERS, read_parameters
+from .parameters import PARAMETERS, Parameters, read_parameters
 from .recording import Stage, collection_paused
 from .statistics import mutation_shares, outcome_shares, refused_count
 
@@ -60,6 +61,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
       from averaging frames.
     - Use a ``box`` reconstruction filter: a wider one correlates pixels and defeats denoisers.
     - ``perspective`` and ``thinlens`` sensors have all reuse, other sensors spatial reuse only.
+    - A camera path that has only passed through null lobes when it leaves the scene keeps the
+      light that it found on surfaces. ``path`` drops it where no environment is shown, so that a
+      mask lit by a lamp is too dark by the mask's opacity.
     - Participating media and polarized or scalar variants are not supported.
 
     .. tabs::
@@ -242,7 +246,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self._plan = Plan(
             parameters,
             PathLimits(parameters.longest, parameters.rr_depth),
-            shift_mapping(parameters.shift, _criterion(parameters.connectability, scene)),
+            _mapping(parameters, scene),
             shape[1],
             shape[2],
         )
@@ -267,6 +271,11 @@ def _dither() -> Dither:
     dither = Dither(mask_texture(load_mask()))
     dr.make_opaque(dither.mask.levels)
     return dither
+
+
+def _mapping(parameters: Parameters, scene: mi.Scene) -> ShiftMapping:
+    mapping = shift_mapping(parameters.shift, _criterion(parameters.connectability, scene))
+    return replace(mapping, hides_sky=parameters.hide_emitters)
 
 
 def _criterion(name: str, scene: mi.Scene) -> Criterion:

@@ -7,6 +7,8 @@ that replays need not repeat it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import drjit as dr
 import mitsuba as mi
 
@@ -43,12 +45,21 @@ from ..shifts.replay import at_primary
 from ..shifts.scope import Scope
 
 
-def initial(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool
-) -> tuple[Reservoir, Refused]:
-    """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
+@dataclass
+class Candidates:
+    """What a frame's candidates leave.
 
-    What a path tracer would show as well, but no reservoir can hold, is handed back beside it.
+    Fields: ``reservoirs``, ``refused`` (what a path tracer would show as well, but no reservoir can
+    hold), ``coverage`` (share of the trees that scatter by more than null lobes: alpha).
+    """
+
+    reservoirs: Reservoir
+    refused: Refused
+    coverage: mi.Float
+
+
+def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> Candidates:
+    """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
 
     Parameters
     ----------
@@ -60,41 +71,43 @@ def initial(
         Whether records carry the continuation that mutations need.
     """
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
-    streaming, refused = _trees(scope, hit, spp, continued)
+    streaming, refused, covered = _trees(scope, hit, spp, continued)
     reservoir = finalize(streaming, mi.Float(spp), confidence)
     lost = ~is_sound(reservoir, streaming.total)
     shown = streaming.color * (streaming.total / target(streaming.color))
     refused = refuse(refused, shown, lost)
     refused.color /= mi.Float(spp)
     reservoir.weight = dr.select(lost, 0, reservoir.weight)
-    return reservoir, refused
+    return Candidates(reservoir, refused, covered / mi.Float(spp))
 
 
 @dr.syntax
 def _trees(
     scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool
-) -> tuple[Streaming, Refused]:
+) -> tuple[Streaming, Refused, mi.Float]:
     streaming, refused = empty_streaming(continued), none_refused()
+    covered = mi.Float(0)
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
     while dr.hint(tree < spp, exclude=[scope], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
-        streaming, refused = _tree(scope, hit, name, streaming, refused)
+        streaming, refused, scattered = _tree(scope, hit, name, streaming, refused)
+        covered += dr.select(scattered, mi.Float(1), 0)
         tree += 1
-    return streaming, refused
+    return streaming, refused, covered
 
 
 @dr.syntax
 def _tree(
     scope: Scope, hit: PrimaryHit, name: PathName, streaming: Streaming, refused: Refused
-) -> tuple[Streaming, Refused]:
-    """Trace one path tree and stream its sub-paths through the reservoir."""
+) -> tuple[Streaming, Refused, mi.Bool]:
+    """Trace one path tree, stream its sub-paths through the reservoir, tell whether it scatters."""
     scene, mapping, limits = scope.scene, scope.mapping, scope.limits
     stream = scope.stream(name)
     choices = FrameKey(name.sample, name.seed).stream(Purpose.INITIAL, name.pixel)
     lambdas, response_weight = scope.wavelengths(stream)
     head = at_primary(hit, lambdas, response_weight)
-    active = exists(hit.vertex) & (limits.max_depth > 1)
+    active = exists(hit.vertex) & (limits.max_depth > 0)
 
     # ------------------------------ loop state --------------------------------------------------
 
@@ -102,6 +115,7 @@ def _tree(
     throughput = head.throughput  # f cos/p of all bounces so far
     start = head.start  # how the previous vertex was left
     j = head.index  # index of the current vertex
+    scattered = head.scattered  # whether any bounce was by more than a null lobe
     survival = mi.Float(1)  # probability of having survived roulette
     eta = mi.Float(1)  # index of refraction relative to the camera
     anchor = no_anchor(isinstance(streaming.path.next, Continuation))
@@ -116,6 +130,7 @@ def _tree(
         # -------------------------- light found by the last bounce ------------------------------
 
         arrived = active & (j > 1)
+        arrived &= si.is_valid() | scattered | (not mapping.hides_sky)
         radiance, light_pdf = emission(scene, si, start.p, arrived)
         light_pdf = dr.select(start.delta, 0, light_pdf)
         path = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
@@ -126,7 +141,8 @@ def _tree(
 
         # -------------------------- light sampled from this vertex ------------------------------
 
-        active &= si.is_valid() & (j < limits.max_depth)
+        on_surface = active & si.is_valid()
+        active = on_surface & (j < limits.max_depth)
         lit = active & can_connect(bsdf)
         numbers = light_numbers(stream, j)
         light = sample_light(scene, si, numbers, True, lit)
@@ -141,7 +157,9 @@ def _tree(
 
         # -------------------------- next bounce -------------------------------------------------
 
-        bounce = scatter(si, bsdf, stream, j, active)
+        # The lobe of the last vertex counts as well, as long as it is not known to cover anything.
+        bounce = scatter(si, bsdf, stream, j, active | (on_surface & ~scattered))
+        scattered |= on_surface & ~bounce.null
         anchor = onward(place, bounce)
         throughput *= bounce.weight
         eta *= bounce.eta
@@ -157,4 +175,4 @@ def _tree(
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         j += 1
 
-    return streaming, refused
+    return streaming, refused, scattered

@@ -65,7 +65,7 @@ def primary(
     return Primary(
         hit,
         response(emitted, ray.wavelengths),
-        dr.select(si.is_valid() | shows_sky, mi.Float(1), 0),
+        mi.Float(1 if shows_sky else 0),
         film,
         lens,
     )

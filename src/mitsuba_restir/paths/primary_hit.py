@@ -29,13 +29,14 @@ class PrimaryHit:
 class Primary:
     """What the camera sees directly.
 
-    Fields: ``hit``, ``emitted`` (light seen directly), ``alpha``, ``film`` (film position in the
-    crop window's unit square), ``lens`` (lens sample).
+    Fields: ``hit``, ``emitted`` (light seen directly), ``backdrop`` (alpha of what is behind all
+    surfaces: 1 where the sky is shown), ``film`` (film position in the crop window's unit square),
+    ``lens`` (lens sample).
     """
 
     hit: PrimaryHit
     emitted: mi.Color3f
-    alpha: mi.Float
+    backdrop: mi.Float
     film: mi.Point2f
     lens: mi.Point2f
 

@@ -22,6 +22,7 @@ from ..sampling import streams
 class Scattered:
     """A sampled bounce: direction ``wo`` (world), ``weight`` f cos/p, ``pdf``, ``delta``, ``eta``.
 
+    ``null`` is a bounce that goes straight on, as if the surface were not there (also ``delta``).
     ``roulette`` is the block's spare uniform number, used for Russian roulette.
     """
 
@@ -29,6 +30,7 @@ class Scattered:
     weight: mi.Spectrum
     pdf: mi.Float
     delta: mi.Bool
+    null: mi.Bool
     eta: mi.Float
     roulette: mi.Float
 
@@ -70,6 +72,7 @@ def scatter(
         ),
         pdf=dr.select(delta, sample.pdf, pdf),
         delta=delta,
+        null=mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null),
         eta=sample.eta,
         roulette=roulette,
     )
@@ -106,7 +109,8 @@ def along(
     """The bounce along a given world-space ``direction``, as if it had been sampled."""
     value, pdf = evaluate(si, bsdf, direction, active)
     weight = dr.select(pdf > 0, value / pdf, mi.Spectrum(0))
-    return Scattered(direction, weight, pdf, mi.Bool(False), mi.Float(1), mi.Float(0))
+    no = mi.Bool(False)
+    return Scattered(direction, weight, pdf, no, no, mi.Float(1), mi.Float(0))
 
 
 def can_connect(bsdf: mi.BSDFPtr) -> mi.Bool:

@@ -123,7 +123,8 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
 
     hit_si = dr.select(by_hit, si, si_k)
     hit_origin = dr.select(by_hit, head.start.p, si.p)
-    emitted, emitted_pdf = emission(scene, hit_si, hit_origin, by_hit | to_light)
+    lit = to_light | (by_hit & (si.is_valid() | head.scattered | (not mapping.hides_sky)))
+    emitted, emitted_pdf = emission(scene, hit_si, hit_origin, lit)
     emitted_pdf = dr.select(by_hit & head.start.delta, 0, emitted_pdf)
     ends = Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, head.start.pdf)
     color = head.throughput * ending(path, ends)

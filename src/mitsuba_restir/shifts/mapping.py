@@ -42,11 +42,15 @@ class ShiftMapping:
         (2) and pure random replay (0) special cases of the hybrid shift.
     replays : bool
         Whether a prefix may be replayed. Without it only paths that need none can be shifted.
+    hides_sky : bool
+        Whether the environment gives no light to paths that have not scattered on their way to it,
+        but only passed through null lobes.
     """
 
     criterion: Criterion
     last_index: int | None
     replays: bool
+    hides_sky: bool = False
 
     def link(
         self,

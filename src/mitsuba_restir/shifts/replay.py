@@ -21,7 +21,8 @@ class Head:
 
     Fields: ``ray`` and ``pi`` (how it was found), ``throughput`` (f cos/p up to y_h), ``start``
     (:class:`Departure` from y_{h-1}; delta and meaningless for h = 1), ``index`` (h), ``footprint``
-    (of the pixel), ``outcome`` (``Outcome.OK`` or why the replay failed).
+    (of the pixel), ``scattered`` (by more than null lobes), ``outcome`` (``Outcome.OK`` or why the
+    replay failed).
     """
 
     ray: mi.Ray3f
@@ -30,6 +31,7 @@ class Head:
     start: Departure
     index: mi.UInt32
     footprint: mi.Float
+    scattered: mi.Bool
     outcome: mi.UInt32
 
 
@@ -38,7 +40,9 @@ def at_primary(hit: PrimaryHit, lambdas: mi.Spectrum, throughput: mi.Spectrum) -
     ray, pi = camera_ray(hit, lambdas)
     nowhere = Departure(dr.zeros(mi.Point3f), mi.Float(0), mi.Bool(True), mi.Float(0), mi.Float(0))
     index, outcome = mi.UInt32(1), mi.UInt32(Outcome.OK)
-    return Head(ray, pi, mi.Spectrum(throughput), nowhere, index, hit.footprint, outcome)
+    return Head(
+        ray, pi, mi.Spectrum(throughput), nowhere, index, hit.footprint, mi.Bool(False), outcome
+    )
 
 
 @dr.syntax
@@ -51,7 +55,7 @@ def replay(scope: Scope, stream: Stream, head: Head, bounces: mi.UInt32, active:
     """
     mapping, footprint = scope.mapping, head.footprint
     ray, pi, throughput = head.ray, head.pi, head.throughput
-    start, j, outcome = head.start, head.index, head.outcome
+    start, j, scattered, outcome = head.start, head.index, head.scattered, head.outcome
     active = mi.Bool(active)
 
     while dr.hint(active & (j <= bounces), exclude=[scope, mapping], label="Random replay"):
@@ -62,6 +66,7 @@ def replay(scope: Scope, stream: Stream, head: Head, bounces: mi.UInt32, active:
         bounce = scatter(si, bsdf, stream, j, active)
         connectable = ~bounce.delta & (bounce.pdf <= arrival.limit)
         throughput *= bounce.weight
+        scattered |= ~bounce.null
 
         start = depart_scattered(si, bounce, limit)
         ray = si.spawn_ray(bounce.wo)
@@ -77,4 +82,4 @@ def replay(scope: Scope, stream: Stream, head: Head, bounces: mi.UInt32, active:
         active &= pi.is_valid() | (j > bounces)
         outcome = dr.select((outcome == Outcome.OK) & ~active, Outcome.TERMINATED, outcome)
 
-    return Head(ray, pi, throughput, start, j, footprint, outcome)
+    return Head(ray, pi, throughput, start, j, footprint, scattered, outcome)
