@@ -23,9 +23,10 @@ from test_unbiased import check
 from zoo import _texture as texture
 
 from mitsuba_restir.analysis.bias import BiasReport
-from mitsuba_restir.passes.color_history import ColorHistory, clamped, remember
+from mitsuba_restir.neighbors.color_history import ColorHistory, clamped, remember
+from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.mis import canonical_share, share
-from mitsuba_restir.resampling.reservoir import empty_reservoir, finalize, fits, is_sound, offer
+from mitsuba_restir.resampling.reservoir import empty_streaming, finalize, fits, is_sound, offer
 
 # --------------------------------- the offset of rays -------------------------------------------
 
@@ -110,7 +111,7 @@ def poisoned(renderer: Any) -> int:
     """Values of the history that are not finite."""
     history = renderer._history
     values = [history.reservoirs.weight, history.reservoirs.color, history.reservoirs.confidence]
-    values += [history.reservoirs.path.radiance, history.reservoirs.path.jacobian]
+    values += [history.reservoirs.path.radiance, history.reservoirs.path.factor]
     if history.colors is not None:
         values += [history.colors.color]
     return sum(int((~np.isfinite(np.array(value))).sum()) for value in values)
@@ -156,7 +157,7 @@ def test_an_infinite_texel_stays_where_it_is(rgb, mode, value):
 
 def test_a_candidate_that_is_taken_all_the_same_is_seen(rgb, monkeypatch):
     """The control: were it not refused, it would be in the history after one frame."""
-    apply(monkeypatch, (Mutation(" & fits(reservoir, weight)", ""),))
+    apply(monkeypatch, (Mutation(" & fits(streaming, weight)", ""),))
     apply(monkeypatch, (Mutation("(total == 0) | (", "(total >= 0) | ("),))
     scene = textured_room(np.inf)
     renderer = integrator(5, MODES["both"])
@@ -208,21 +209,22 @@ def test_brightness_is_a_factor(rgb, mode):
 def test_reservoirs_refuse_what_is_not_finite(rgb, weight):
     """An infinite weight, none at all, and one whose sum with the others is infinite."""
     one = dr.full(mi.UInt32, 1, 1)
-    before = empty_reservoir(False)
+    before = empty_streaming(False)
     before = offer(before, before.path, mi.Color3f(2), mi.Float(2e38), mi.Float(0.5), one == 1)
     assert fits(before, mi.Float(1e38))[0]
     assert not fits(before, mi.Float(weight))[0]
     after = offer(before, before.path, mi.Color3f(9), mi.Float(weight), mi.Float(0.5), one == 1)
-    assert after.weight[0] == before.weight[0]
+    assert after.total[0] == before.total[0]
     assert np.array(after.color).max() == 2
 
 
 def test_a_weight_that_overflows_is_not_sound(rgb):
-    reservoir = empty_reservoir(False)
-    assert is_sound(reservoir, reservoir.weight)[0]
+    streaming = empty_streaming(False)
+    assert is_sound(streaming.total, streaming.total)[0]
     for color, sound in ((1.0, True), (1e-36, False)):
-        reservoir.weight, reservoir.color = mi.Float(1e10), mi.Color3f(color)
-        assert is_sound(finalize(reservoir, 1), reservoir.weight)[0] == sound
+        streaming.total, streaming.color = mi.Float(1e10), mi.Color3f(color)
+        reservoir = finalize(streaming, 1, mi.Float(1))
+        assert is_sound(reservoir.weight, streaming.total)[0] == sound
 
 
 def test_shares_are_a_partition_where_they_overflow(rgb):
@@ -240,7 +242,7 @@ def test_the_color_history_forgets_what_is_not_finite(rgb):
     assert np.array(now.color)[0, 0] > 1
     nobody = dr.zeros(mi.UInt32, 2)
     bright = mi.Color3f(mi.Float([1, 1e20]))
-    found = clamped(mi.Color3f(mi.Float([3, 3e20])), bright, nobody, mi.UInt32(2))
+    found = clamped(grid_of(2, 1), mi.Color3f(mi.Float([3, 3e20])), bright, nobody)
     np.testing.assert_array_equal(np.array(found)[0], np.float32([1, 3e20]))
 
 

@@ -73,3 +73,16 @@ def test_a_number_depends_on_its_name_alone(rgb):
     np.testing.assert_array_equal(numbers(pixel=None, vertex=3), numbers(pixel=None, vertex=3))
     lanes = numbers(pixel=None)
     np.testing.assert_array_equal(numbers(pixel=77)[:, 0], lanes[:, 77])
+
+
+def test_a_decision_number_is_never_one(rgb):
+    """Rounded to 1, it would not accept what is certain: a reservoir would lose its only path."""
+
+    class Extreme(streams.Stream):
+        def words(self, vertex, block):
+            return self.x, self.y
+
+    for word in (0, 0xFFFFFFFF):
+        u = streams.uniform(Extreme(mi.UInt32(word), mi.UInt32(word)), 0, 0)
+        assert 0 < u[0] < 1
+        assert (u * mi.Float(3e-5))[0] < np.float32(3e-5)

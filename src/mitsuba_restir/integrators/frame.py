@@ -236,7 +236,7 @@ def share_paths(
         merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
         reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
         outcomes.append(merged.outcomes)
-        dr.eval(reservoirs, color, estimators if parameters.selects else None)
+        dr.eval(reservoirs, color, merged.outcomes, estimators if parameters.selects else None)
 
     colors = None
     if sampled.colors is not None:

@@ -73,7 +73,7 @@ def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> C
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
     streaming, refused, covered = _trees(scope, hit, spp, continued)
     reservoir = finalize(streaming, mi.Float(spp), confidence)
-    lost = ~is_sound(reservoir, streaming.total)
+    lost = ~is_sound(reservoir.weight, streaming.total)
     shown = streaming.color * (streaming.total / target(streaming.color))
     refused = refuse(refused, shown, lost)
     refused.color /= mi.Float(spp)

@@ -99,6 +99,6 @@ def temporal(
     )
     confidence = current.confidence + history.confidence
     merged = finalize(streaming, 1, confidence)
-    sound = is_sound(merged, streaming.total)
+    sound = is_sound(merged.weight, streaming.total)
     outcomes = outcome | (backward.outcome << 3) | dr.select(sound, mi.UInt32(0), MERGE_REFUSED)
     return dr.select(sound, merged, replace(current, confidence=confidence)), outcomes

@@ -20,7 +20,7 @@ is decided in :mod:`mitsuba_restir.neighbors`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
@@ -222,14 +222,15 @@ def merge(
     selected_factor = dr.select(keep, reservoirs.path.factor, selected_factor)
 
     leading = target(selected_color)
+    weight = dr.select(leading > 0, total / (count * leading), 0)
+    color = (color + canonical_sum * canonical) / count
+    sound = is_sound(weight, total) & dr.all(dr.isfinite(color))
+    path = dr.gather(PathRecord, reservoirs.path, dr.select(sound, selected, pixel))
     merged = Reservoir(
-        with_factor(dr.gather(PathRecord, reservoirs.path, selected), selected_factor),
-        selected_color,
-        dr.select(leading > 0, total / (count * leading), 0),
+        with_factor(path, dr.select(sound, selected_factor, reservoirs.path.factor)),
+        dr.select(sound, selected_color, reservoirs.color),
+        dr.select(sound, weight, reservoirs.weight),
         confidence,
     )
-    color = (color + canonical_sum * canonical) / count
-    sound = is_sound(merged, total) & dr.all(dr.isfinite(color))
     estimators.valid = [estimators.valid[0], *(valid & sound for valid in estimators.valid[1:])]
-    own = replace(reservoirs, confidence=confidence)
-    return dr.select(sound, merged, own), dr.select(sound, color, canonical), estimators
+    return merged, dr.select(sound, color, canonical), estimators

@@ -114,6 +114,6 @@ def finalize(streaming: Streaming, count: mi.Float | int, confidence: mi.Float) 
     return Reservoir(streaming.path, streaming.color, weight, confidence)
 
 
-def is_sound(reservoir: Reservoir, total: mi.Float) -> mi.Bool:
+def is_sound(weight: mi.Float, total: mi.Float) -> mi.Bool:
     """Lanes where single precision can hold W, if anything of the sum ``total`` was selected."""
-    return (total == 0) | ((reservoir.weight > 0) & (reservoir.weight < dr.inf))
+    return (total == 0) | ((weight > 0) & (weight < dr.inf))

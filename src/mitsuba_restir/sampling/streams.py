@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import drjit as dr
 import mitsuba as mi
 
 from .codes import Codes
@@ -120,7 +121,8 @@ def uniform(stream: Stream, vertex: mi.UInt32 | int, block: int) -> mi.Float:
     least 2^-24, and a path chosen far too often carries a weight that is far too large.
     """
     a, b = uniform2(stream, vertex, block)
-    return a + (b + 2.0**-25) * 2.0**-24
+    # The largest sum rounds to 1, and what is certain would then not be accepted.
+    return dr.minimum(a + (b + 2.0**-25) * 2.0**-24, 1 - 2.0**-24)
 
 
 def to_unit(word: mi.UInt32) -> mi.Float:
