@@ -306,6 +306,19 @@ def test_an_average_that_is_being_written_is_written(tmp_path, monkeypatch, caps
     assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
 
 
+def test_the_exit_code_survives_what_python_makes_of_interrupts():
+    """CPython ends by SIGINT once a KeyboardInterrupt has passed through an ``exec`` of text."""
+    program = """
+import signal, sys
+from mitsuba_restir import cli
+from mitsuba_restir.cli import render
+render.run = lambda options: exec("import signal; signal.raise_signal(signal.SIGTERM)")
+sys.exit(cli.main(["render", "ajar"]))
+"""
+    with subprocess.Popen([sys.executable, "-c", program], **PIPES) as process:
+        assert lines_of(process, 143) == ["mitsuba-restir: terminated"]
+
+
 def test_sums_and_their_number_change_together():
     """A signal may come between any two steps of Python: the mean is right after each."""
     writer = Writer(None, [], [], {}, True, {})

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.long
 
 COMMAND = [sys.executable, "-m", "mitsuba_restir"]
 ENDS = 20
-FRAMES = 4000
+FRAMES = 100_000
 STUDY = """
 name = "tiny"
 scene = "ajar"
@@ -31,7 +31,7 @@ sizes = ["16x9"]
 max_depth = 3
 warmup = 2
 frames = 4
-runs = 400
+runs = 120
 quantities = ["rmse"]
 baseline = "one"
 [variants.one]
@@ -54,21 +54,32 @@ def ended(command: list[str], number: signal.Signals, seconds: float) -> int:
             error = process.communicate(timeout=seconds)[1]
         except subprocess.TimeoutExpired:
             process.send_signal(number)
-            error = process.communicate(timeout=60)[1]
+            try:
+                error = process.communicate(timeout=60)[1]
+            finally:
+                process.kill()
     assert "Traceback" not in error, error
     assert process.returncode in (0, -number, 128 + number), error
     return process.returncode
 
 
-def moments(seed: int, low: float, high: float) -> list[tuple[signal.Signals, float]]:
-    """When each process is ended [s], and by what; from while it starts to while it renders."""
-    times = np.random.default_rng(seed).uniform(low, high, ENDS)
+def moments(seed: int, alone: list[str]) -> list[tuple[signal.Signals, float]]:
+    """
+    When each process is ended [s], and by what: from while it starts to while it renders.
+
+    ``alone`` is the same command for as little as possible; its time is the unit.
+    """
+    start = time.monotonic()
+    assert subprocess.run(alone, check=False, capture_output=True).returncode == 0
+    unit = time.monotonic() - start
+    times = unit * np.random.default_rng(seed).uniform(0.1, 2.0, ENDS)
     return [((signal.SIGKILL, signal.SIGTERM)[i % 2], t) for i, t in enumerate(times)]
 
 
 def whole(path: Path) -> dict[Path, int]:
     """Finished runs and batches, and when they were finished."""
-    return {file: file.stat().st_mtime_ns for file in path.rglob("0*.npz")}
+    files = [*(path / "killed").rglob("0*.npz"), *(path / "cache").rglob("0*.npz")]
+    return {file: file.stat().st_mtime_ns for file in files}
 
 
 def numbers(folder: Path) -> list[dict[str, str]]:
@@ -85,7 +96,8 @@ def test_a_study(tmp_path, monkeypatch):
     codes: Counter[int] = Counter()
     grown: list[int] = []
     finished: dict[Path, int] = {}
-    for number, seconds in moments(1, 0.5, 12):
+    alone = [*command[:-1], str(tmp_path / "alone"), "-s", "runs=1"]
+    for number, seconds in moments(1, alone):
         codes[ended(command, number, seconds)] += 1
         now = whole(tmp_path)
         assert {path: now.get(path) for path in finished} == finished
@@ -107,7 +119,7 @@ def test_an_average(tmp_path):
     average = [*command, "--average", "--frames", str(FRAMES), "-o", str(picture)]
     codes: Counter[int] = Counter()
     means: list[tuple[int, np.ndarray]] = []
-    for number, seconds in moments(2, 0.5, 9):
+    for number, seconds in moments(2, [*command, "-o", str(tmp_path / "alone.exr")]):
         before = picture.read_bytes() if picture.exists() else None
         code = ended(average, number, seconds)
         codes[code] += 1

@@ -18,9 +18,14 @@ _ECHO = 1.0
 its group, and the second must not cut off what the first has begun."""
 
 
+class Terminated(KeyboardInterrupt):
+    """What SIGTERM raises. CPython 3.11 ends the process by SIGINT, whatever its exit code, once a
+    plain KeyboardInterrupt has passed through an ``exec`` of text, as dataclasses do."""
+
+
 class Termination:
     """
-    What SIGTERM does: it raises KeyboardInterrupt.
+    What SIGTERM does: it interrupts, once.
 
     Fields
     ------
@@ -39,7 +44,7 @@ class Termination:
         self._last = now
         if not echo:
             self.came = True
-            raise KeyboardInterrupt
+            raise Terminated
 
     @property
     def code(self) -> int:
