@@ -306,16 +306,17 @@ def test_an_average_that_is_being_written_is_written(tmp_path, monkeypatch, caps
     assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
 
 
-def test_the_exit_code_survives_what_python_makes_of_interrupts():
-    """CPython ends by SIGINT once a KeyboardInterrupt has passed through an ``exec`` of text."""
-    program = """
-import signal, sys
+def test_the_exit_code_survives_what_python_makes_of_interrupts(tmp_path):
+    """``python -m`` ends by SIGINT once KeyboardInterrupt has passed through an exec of text."""
+    (tmp_path / "program.py").write_text("""
+import sys
 from mitsuba_restir import cli
 from mitsuba_restir.cli import render
 render.run = lambda options: exec("import signal; signal.raise_signal(signal.SIGTERM)")
 sys.exit(cli.main(["render", "ajar"]))
-"""
-    with subprocess.Popen([sys.executable, "-c", program], **PIPES) as process:
+""")
+    command = [sys.executable, "-m", "program"]
+    with subprocess.Popen(command, cwd=tmp_path, **PIPES) as process:
         assert lines_of(process, 143) == ["mitsuba-restir: terminated"]
 
 

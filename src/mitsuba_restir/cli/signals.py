@@ -19,8 +19,8 @@ its group, and the second must not cut off what the first has begun."""
 
 
 class Terminated(KeyboardInterrupt):
-    """What SIGTERM raises. CPython 3.11 ends the process by SIGINT, whatever its exit code, once a
-    plain KeyboardInterrupt has passed through an ``exec`` of text, as dataclasses do."""
+    """What SIGTERM raises. ``python -m`` ends by SIGINT, whatever the exit code, once a plain
+    KeyboardInterrupt has passed through an ``exec`` of text, as the one of dataclasses."""
 
 
 class Termination:
