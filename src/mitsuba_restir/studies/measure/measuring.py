@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ...errors import RenderError
 from ..config.study import Study
+from .asked import shows_images
 from .quantities import QUANTITIES
 from .results import Measured, Refused, Row
 from .scalars import lone
@@ -32,10 +33,10 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
         for name, sigma in data.blurs.items()
     ]
     notes: list[str] = []
-    if study.shows_images():
+    if shows_images(study):
         data = replace(data, runs={name: runs for name, runs in data.runs.items() if runs})
     try:
-        if study.shows_images() and not data.runs.get(data.baseline):
+        if shows_images(study) and not data.runs.get(data.baseline):
             raise ValueError(f"the baseline '{data.baseline}' has no finished run")
         for name in study.quantities:
             found = list(QUANTITIES[name].rows(data))
