@@ -24,7 +24,7 @@ from mitsuba_restir.studies.measure.results import Measured
 from mitsuba_restir.studies.runs.probes import PROBES
 from mitsuba_restir.studies.runs.rendering import Renderer
 from mitsuba_restir.studies.store.environment import environment
-from mitsuba_restir.studies.store.lock import FolderLock
+from mitsuba_restir.studies.store.lock import lock_folder
 
 STUDY = """
 name = "probed"
@@ -167,18 +167,18 @@ def test_machine_and_versions_are_recorded() -> None:
 
 
 def test_two_processes_cannot_share_a_folder(tmp_path: Path) -> None:
-    lock = FolderLock(tmp_path)
+    lock = lock_folder(tmp_path)
     code = (
         "import sys; from pathlib import Path\n"
-        "from mitsuba_restir.studies.store.lock import FolderLock\n"
-        "FolderLock(Path(sys.argv[1]))"
+        "from mitsuba_restir.studies.store.lock import lock_folder\n"
+        "lock_folder(Path(sys.argv[1]))"
     )
     command = [sys.executable, "-c", code, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "UsageError" in done.stderr
     assert "in use by another process" in done.stderr
     with pytest.raises(UsageError, match="in use"):
-        FolderLock(tmp_path)
+        lock_folder(tmp_path)
     lock.release()
     assert subprocess.run(command, check=False).returncode == 0
     assert np.array_equal([f.name for f in tmp_path.iterdir()], [".lock"])

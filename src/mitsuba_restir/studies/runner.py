@@ -16,7 +16,8 @@ from .measure.measuring import measure_across, measure_size
 from .measure.results import Row
 from .measure.table import Table
 from .runs.probes import PROBES
-from .runs.rendering import Renderer, load_scene, make_renderer
+from .runs.rendering import Renderer, make_renderer
+from .runs.scene import load_scene
 from .runs.turns import rehearse, remote_run, render_run
 from .store.folder import StudyFolder
 from .store.reference import (

@@ -21,8 +21,9 @@ from ...analysis.duplication import duplicated_share
 from ..config.study import Size, Study
 from ..config.tables import from_table
 from ..runs.rays import counted_rays
-from ..runs.rendering import Renderer, load_scene, make_renderer, seed_of
+from ..runs.rendering import Renderer, make_renderer, seed_of
 from ..runs.results import ReferenceImage
+from ..runs.scene import load_scene
 from .mutation_spectra import CHANNELS, numbers
 
 _PROBE_KEY = 3
