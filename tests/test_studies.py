@@ -152,6 +152,36 @@ def test_packaged_studies_are_sound(name: str) -> None:
     assert load_study(name, ["runs=7"]).runs == 7
 
 
+def test_a_study_has_the_keys_of_its_base(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "child.toml").write_text('name = "child"\nbase = "small.toml"\nruns = 5\n')
+    variants = '[variants.only]\ntype = "path"\n'
+    (tmp_path / "grandchild.toml").write_text(
+        f'name = "grandchild"\nbase = "child.toml"\nseed = 9\n{variants}'
+    )
+    child, grandchild = (
+        load_study(str(tmp_path / f"{name}.toml")) for name in ("child", "grandchild")
+    )
+    assert child == replace(study, name="child", runs=5)
+    only = {"only": Variant("path")}
+    assert grandchild == replace(child, name="grandchild", seed=9, variants=only, baseline="only")
+    # What a folder keeps is complete.
+    assert "base =" not in dump_study(child).decode()
+
+
+@pytest.mark.parametrize(
+    ("base", "message"),
+    [
+        ('"bad.toml"', "base = 'bad.toml' leads back to itself"),
+        ('"nowhere"', "'nowhere' is neither a file nor a study of the package"),
+        ("1", "base must be a string, not 1"),
+    ],
+)
+def test_a_base_that_is_none(base: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text(f'name = "bad"\nbase = {base}\n')
+    with pytest.raises(UsageError, match=message):
+        load_study(str(tmp_path / "bad.toml"))
+
+
 def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
     changed = load_study(
         str(tmp_path / "small.toml"),
