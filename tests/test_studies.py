@@ -32,6 +32,7 @@ from mitsuba_restir.studies.config.study import Reference, Study, Variant
 from mitsuba_restir.studies.config.tables import from_table, to_table
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.report.write import _facts
+from mitsuba_restir.studies.runs.reference import smooth
 from mitsuba_restir.studies.runs.rendering import Renderer, seed_of
 from mitsuba_restir.studies.runs.results import ReferenceImage
 from mitsuba_restir.studies.runs.scene import scene_digest
@@ -465,7 +466,7 @@ def test_a_smoothed_reference_is_surer() -> None:
     rng = np.random.default_rng(1)
     noise = 0.1 * rng.standard_normal((200, 40, 50, 3))
     variance = np.full((40, 50, 3), 0.01)
-    images = [reference_module.smooth(ReferenceImage(1.0 + e, variance), 3.0) for e in noise]
+    images = [smooth(ReferenceImage(1.0 + e, variance), 3.0) for e in noise]
     inside = np.var([i.image[15:25, 15:35] for i in images], axis=0).mean()
     assert images[0].variance.mean() == pytest.approx(inside, rel=0.15)
     assert np.mean([i.image for i in images]) == pytest.approx(1.0, abs=1e-3)

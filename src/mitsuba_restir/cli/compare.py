@@ -1,4 +1,4 @@
-"""``mitsuba-restir compare``: variants side by side, with their errors and times."""
+"""``mitsuba-restir compare``: one run of the study of that name, as a table and a picture."""
 
 from __future__ import annotations
 
@@ -6,111 +6,71 @@ import argparse
 import importlib.resources
 import statistics
 import sys
-import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
-import numpy.typing as npt
 from rich.console import Console
-from rich.progress import track
 
 from .. import imageio
 from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
+from ..studies import Study, Variant, load_study
+from ..studies.config.study import REFERENCE
 from ..studies.measure.noise import excess, shares, trimmed
 from ..studies.measure.results import Measured
+from ..studies.runner import Progress
 from ..studies.runs.batches import LEAST_BATCHES, BatchMean
+from ..studies.runs.rendering import (
+    ENDLESS,
+    REFERENCE_KEY,
+    Renderer,
+    make_integrator,
+    renderer_of,
+    seed_of,
+)
 from ..studies.runs.results import ReferenceImage
+from ..studies.runs.turns import rehearse, render_run
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
 from .parameters import Value, parse_parameters
+from .progress import progress_bar
 from .render import add_scene_arguments
-
-MAX_DEPTH = 10
-"""Path length of every variant and of the reference where ``-p max_depth`` does not say else."""
 
 SHARED_PARAMETERS = ("max_depth", "rr_depth", "hide_emitters")
 """Parameters that `path` has too."""
 
-DEFAULT_SIZE = (256, 144)
-DEFAULT_SCENE = "ajar"
 REFERENCE_BATCH = 32
 
-_ReuseOff = dict[str, Value]
-VARIANTS: tuple[tuple[str, str, _ReuseOff], ...] = (
-    ("path", "path", {}),
-    ("candidates", "restir_pt", {"temporal": False, "spatial": False}),
-    ("spatial", "restir_pt", {"temporal": False}),
-    ("spatiotemporal", "restir_pt", {}),
-)
 
-
-@dataclass
-class Run:
+@dataclass(frozen=True)
+class View:
     """
-    One variant while it renders.
+    What is compared, as the command line says it.
 
     Fields
     ------
-    label, kind : str
-        Name for the reader, and plugin.
-    integrator : mi.Integrator
-    seconds : list of float
-        Time of each frame.
-    errors : list of Errors
-        Of each frame.
-    total : array, (H, W, 3)
-        Sum of the frames.
-    last : array, (H, W, 3)
-        The last frame.
+    study : Study
+        The packaged study with the scene's name, size, frames, seed and parameters put in.
+    scene, sensor
+        As loaded.
+    shared : mapping
+        The parameters that `path` has too.
     """
 
-    label: str
-    kind: str
-    integrator: Any
-    seconds: list[float] = field(default_factory=list)
-    errors: list[compare_report.Errors] = field(default_factory=list)
-    total: npt.NDArray[np.float64] | None = None
-    last: Image | None = None
+    study: Study
+    scene: Any
+    sensor: Any
+    shared: Mapping[str, Value]
 
-    def add(self, image: Image, seconds: float, reference: ReferenceImage) -> None:
-        """Take one frame."""
-        self.seconds.append(seconds)
-        self.errors.append(_errors(image, reference))
-        self.last = image
-        self.total = image + (np.zeros(image.shape) if self.total is None else self.total)
-
-    def row(self, reference: ReferenceImage) -> compare_report.Row:
-        """Summarise: medians of time over the frames after compilation, errors at the end."""
-        assert self.last is not None
-        assert self.total is not None
-        frames = len(self.seconds)
-        # The first two frames compile: the second is the first that has a history.
-        warm = self.seconds[2:] or self.seconds[-1:]
-        tail = self.errors[-max(1, frames // 4) :]
-        mean = (self.total / frames).astype(np.float32)
-        errors = compare_report.Errors(
-            statistics.fmean(entry.relmse for entry in tail),
-            statistics.fmean(entry.trimmed for entry in tail),
-        )
-        milliseconds = 1000.0 * statistics.median(warm)
-        return compare_report.Row(
-            self.label, milliseconds, errors, _errors(mean, reference), frames, self.last, mean
-        )
-
-
-def _errors(image: Image, reference: ReferenceImage) -> compare_report.Errors:
-    truth, variance = reference.image, reference.variance
-    return compare_report.Errors(
-        metrics.relmse(image, truth, reference_variance=variance),
-        metrics.trimmed_relmse(image, truth, reference_variance=variance),
-    )
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.study.sizes[0]
 
 
 def add_command(commands: Any) -> None:
@@ -149,117 +109,153 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compare, or make a reference; 0 when all is written."""
-    console = Console()
-    definitions = as_dict(options.definitions, "-D")
-    parameters: dict[str, Value] = {
-        "max_depth": MAX_DEPTH,
-        **parse_parameters(as_dict(options.parameters, "-p")),
-    }
-    depths = {name: value for name, value in parameters.items() if name in SHARED_PARAMETERS}
-    folder = Path(options.output or f"out/compare-{Path(options.scene).stem}")
     if options.make_reference and options.make_reference.suffix.lower() != ".exr":
         raise UsageError("argument --make-reference: the name must end in .exr")
     loading.choose_variant(options.variant)
-    runs = []
-    for label, kind, reuse in VARIANTS:
-        own = depths if kind == "path" else parameters
-        runs.append(Run(label, kind, loading.make_integrator(kind, {**own, **reuse})))
     given = imageio.read_rgb(options.reference) if options.reference else None
-    size = options.resolution or (given.shape[1::-1] if given is not None else DEFAULT_SIZE)
-    scene = loading.load_scene(options.scene, definitions, size)
-    sensor = loading.choose_sensor(scene, options.sensor)
-    if given is not None and given.shape[1::-1] != size:
-        raise UsageError(
-            f"argument --reference: {options.reference} has {given.shape[1]}x{given.shape[0]} "
-            f"pixels, the images have {size[0]}x{size[1]}"
-        )
+    view = _view(options, None if given is None else given.shape[1::-1])
+    folder = Path(options.output or f"out/compare-{Path(options.scene).stem}")
     output.prepare_folder(options.make_reference.parent if options.make_reference else folder)
-    with rendering():
-        if options.make_reference:
-            spp = options.reference_spp
-            image = _render_reference(scene, sensor, depths, spp, options.seed).image
-            metadata = {"integrator": f"path {depths}", "spp": str(spp), "scene": options.scene}
-            data = imageio.encode_exr(image.astype(np.float32), metadata=metadata, half=True)
-            imageio.write_atomically(options.make_reference, data)
-            console.print(f"{options.make_reference}: {spp} samples per pixel by path, {depths}")
-            return 0
-        source = f"{options.reference}, whose own error is in all errors"
-        if given is None:
-            given = _embedded_reference(options.scene, size, depths, options.sensor)
-            source = "the committed one, whose own error is in all errors"
+    if options.make_reference:
+        return _make_reference(view, options)
+    origin = str(options.reference)
+    if given is None:
+        given, origin = _embedded_reference(view, options), "the committed one"
+    source = f"{origin}, whose own error is in all errors"
+    with rendering(), progress_bar("reference") as progress:
         if given is None:
             spp = options.reference_spp
-            reference = _render_reference(scene, sensor, depths, spp, options.seed)
+            reference = _render_reference(view, spp, progress)
             source = f"path, {spp} samples per pixel, whose own error is subtracted"
         else:
             reference = ReferenceImage(given.astype(np.float64), np.zeros(given.shape))
-        _render_all(runs, scene, sensor, options.frames, options.seed, reference)
-    rows = [entry.row(reference) for entry in runs]
-    title = f"{options.scene}, {size[0]}x{size[1]}, depth {depths['max_depth']}"
-    compare_report.write(folder, title, rows, reference.image.astype(np.float32))
-    console.print(compare_report.table(title, source, rows))
-    means = {row.label: [row.mean] for row in rows}
-    settings = metrics.DEFAULT_EPSILON, metrics.DEFAULT_TRIM
-    measured = Measured(f"{size[0]}x{size[1]}", {}, runs[0].label, {}, reference, *settings)
-    if text := excess(shares(measured, means, trimmed)):
-        print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
-    console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
+        rows = _rows(view, reference, progress)
+    _show(view, folder, source, rows, reference)
     return 0
 
 
-def _track(items: Sequence[int], label: str) -> Iterable[int]:
-    console = Console(stderr=True)
-    return track(items, label, console=console, transient=True, disable=not console.is_terminal)
+def _view(options: argparse.Namespace, given: tuple[int, int] | None) -> View:
+    """Put scene and parameters into the study; `given` is the size of the reference image."""
+    study = load_study("compare")
+    size = options.resolution or given or study.sizes[0]
+    parameters = parse_parameters(as_dict(options.parameters, "-p"))
+    shared = {name: value for name, value in parameters.items() if name in SHARED_PARAMETERS}
+    variants = {
+        name: replace(
+            v, parameters={**(shared if v.type == "path" else parameters), **v.parameters}
+        )
+        for name, v in study.variants.items()
+    }
+    scene = loading.load_scene(options.scene, as_dict(options.definitions, "-D"), size)
+    sensor = loading.choose_sensor(scene, options.sensor)
+    if given not in (None, size):
+        raise UsageError(
+            f"argument --reference: {options.reference} has {given[0]}x{given[1]} "
+            f"pixels, the images have {size[0]}x{size[1]}"
+        )
+    changed = replace(
+        study,
+        scene=options.scene,
+        sizes=(size,),
+        variants=variants,
+        frames=options.frames,
+        seed=options.seed,
+    )
+    return View(changed, scene, sensor, shared)
 
 
-def _path_seed(seed: int) -> Any:
-    """Wrap a seed for `path`: an int would be compiled into the kernel, anew for every frame."""
-    return dr.opaque(mi.UInt32, seed % 2**32)
+def _renderer(view: View, name: str, variant: Variant) -> Renderer:
+    integrator = make_integrator(view.study, name, variant)
+    return renderer_of(view.scene, view.sensor, integrator, variant.spp, view.study.freeze)
 
 
-def _render(scene: Any, sensor: Any, integrator: Any, seed: Any, spp: int = 1) -> Image:
-    image = mi.render(scene, integrator=integrator, sensor=sensor, spp=spp, seed=seed)
-    return imageio.with_rgb(image, 0)
+def _rows(view: View, reference: ReferenceImage, report: Progress) -> list[compare_report.Row]:
+    """Render one run of all variants, which take turns, and sum up what each has shown."""
+    study = view.study
+    renderers = {name: _renderer(view, name, v) for name, v in study.variants.items()}
+    errors: dict[str, list[compare_report.Errors]] = {name: [] for name in renderers}
+
+    def seen(name: str, image: Image | None) -> None:
+        if image is not None:
+            errors[name].append(_errors(imageio.with_rgb(image, 0), reference))
+        done = sum(map(len, errors.values()))
+        report(done, len(renderers) * study.frames, "comparing")
+
+    rehearse(study, renderers)
+    finished = render_run(study, renderers, 0, seen)
+    return [
+        compare_report.Row(
+            name,
+            1000.0 * statistics.median(finished[name].times),
+            compare_report.mean(own[-max(1, study.frames // 4) :]),
+            _errors(mean := imageio.with_rgb(finished[name].mean, 0), reference),
+            study.frames,
+            imageio.with_rgb(finished[name].last, 0),
+            mean,
+        )
+        for name, own in errors.items()
+    ]
 
 
-def _render_all(
-    runs: list[Run], scene: Any, sensor: Any, frames: int, seed: int, reference: ReferenceImage
-) -> None:
-    """Render all variants frame by frame in turn, so that a busy machine cannot favour one."""
-    for frame in _track(range(frames), "comparing"):
-        for entry in runs:
-            start = time.perf_counter()
-            # restir_pt counts its frames itself: equal seeds still give fresh ones.
-            own = _path_seed(seed + frame) if entry.kind == "path" else seed
-            image = _render(scene, sensor, entry.integrator, own)
-            entry.add(image, time.perf_counter() - start, reference)
+def _errors(image: Image, reference: ReferenceImage) -> compare_report.Errors:
+    truth, variance = reference.image, reference.variance
+    return compare_report.Errors(
+        metrics.relmse(image, truth, reference_variance=variance),
+        metrics.trimmed_relmse(image, truth, reference_variance=variance),
+    )
 
 
-def _render_reference(
-    scene: Any, sensor: Any, depths: Mapping[str, Value], spp: int, seed: int
-) -> ReferenceImage:
+def _render_reference(view: View, spp: int, report: Progress) -> ReferenceImage:
     """Render with `path` in batches, without Russian roulette, from seeds of its own."""
-    endless = {"rr_depth": 2**31 - 1}
-    integrator = loading.make_integrator("path", {**depths, **endless})
     most = min(REFERENCE_BATCH, spp // LEAST_BATCHES)
-    batches = [most] * (spp // most)
-    batches += [spp % most] if spp % most else []
-    mean = BatchMean(sensor.film().crop_size())
-    for index, batch in enumerate(_track(batches, "reference")):
-        image = _render(scene, sensor, integrator, _path_seed(seed + 2**31 + index), batch)
-        mean.add(image, batch)
+    batches = [most] * (spp // most) + ([spp % most] if spp % most else [])
+    variants = {n: Variant("path", n, {**view.shared, **ENDLESS}) for n in dict.fromkeys(batches)}
+    renderers = {n: _renderer(view, REFERENCE, variant) for n, variant in variants.items()}
+    mean = BatchMean(view.size)
+    for index, samples in enumerate(batches):
+        image, _ = renderers[samples].frame(seed_of(view.study.seed, REFERENCE_KEY, index))
+        mean.add(imageio.with_rgb(image, 0), samples)
+        report(mean.samples, spp, "reference")
     return mean.image()
 
 
-def _embedded_reference(
-    scene: str, size: tuple[int, int], depths: Mapping[str, Value], sensor: int
-) -> Image | None:
+def _make_reference(view: View, options: argparse.Namespace) -> int:
+    spp, depths = options.reference_spp, {"max_depth": view.study.max_depth, **view.shared}
+    with rendering(), progress_bar("reference") as report:
+        image = _render_reference(view, spp, report).image
+    metadata = {"integrator": f"path {depths}", "spp": str(spp), "scene": options.scene}
+    data = imageio.encode_exr(image.astype(np.float32), metadata=metadata, half=True)
+    imageio.write_atomically(options.make_reference, data)
+    print(f"{options.make_reference}: {spp} samples per pixel by path, {depths}")
+    return 0
+
+
+def _embedded_reference(view: View, options: argparse.Namespace) -> Image | None:
     """Return the reference inside the package, where it is one of exactly this picture."""
-    if (scene, size, sensor) != (DEFAULT_SCENE, DEFAULT_SIZE, 0):
+    own = load_study("compare")
+    if (options.scene, view.size, options.sensor) != (own.scene, own.sizes[0], 0):
         return None
-    if dict(depths) != {"max_depth": MAX_DEPTH} or not mi.variant().endswith("rgb"):
+    if view.shared not in ({}, {"max_depth": own.max_depth}) or not mi.variant().endswith("rgb"):
         return None
-    name = f"{scene}_{size[0]}x{size[1]}.exr"
+    name = f"{own.scene}_{view.size[0]}x{view.size[1]}.exr"
     resource = importlib.resources.files("mitsuba_restir") / "resources" / name
     with importlib.resources.as_file(resource) as path:
         return imageio.read_rgb(path) if path.is_file() else None
+
+
+def _show(
+    view: View, folder: Path, source: str, rows: list[compare_report.Row], reference: ReferenceImage
+) -> None:
+    """Write and print everything, with a warning where the reference is too noisy for it."""
+    size = f"{view.size[0]}x{view.size[1]}"
+    depth = view.shared.get("max_depth", view.study.max_depth)
+    title = f"{view.study.scene}, {size}, depth {depth}"
+    compare_report.write(folder, title, rows, reference.image.astype(np.float32))
+    console = Console()
+    console.print(compare_report.table(title, source, rows))
+    means = {row.label: [row.mean] for row in rows}
+    study = view.study
+    data = Measured(size, {}, study.baseline, {}, reference, study.epsilon, study.trim)
+    if text := excess(shares(data, means, trimmed)):
+        print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
+    console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,14 @@ class Errors:
 
     relmse: float
     trimmed: float
+
+
+def mean(errors: Sequence[Errors]) -> Errors:
+    """Return the mean errors of several images."""
+    return Errors(
+        statistics.fmean(one.relmse for one in errors),
+        statistics.fmean(one.trimmed for one in errors),
+    )
 
 
 @dataclass(frozen=True)

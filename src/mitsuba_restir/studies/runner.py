@@ -16,6 +16,7 @@ from .measure.measuring import measure_across, measure_size
 from .measure.results import Row
 from .measure.table import Table
 from .runs.probes import PROBES
+from .runs.reference import read_reference
 from .runs.rendering import Renderer, make_renderer
 from .runs.scene import load_scene
 from .runs.turns import rehearse, remote_run, render_run
@@ -23,7 +24,6 @@ from .store.folder import StudyFolder
 from .store.reference import (
     load_reference,
     missing_batches,
-    read_reference,
     render_batches,
 )
 
@@ -180,7 +180,7 @@ def _render_size(
     for index, names in missing.items():
         run_label = f"{label} run {index + 1}/{study.runs}"
 
-        def advance(name: str, run_label: str = run_label) -> None:
+        def advance(name: str, _: object, run_label: str = run_label) -> None:
             meter.advance(f"{run_label} {name}")
 
         wanted = {name: renderers[name] for name in names}
