@@ -12,7 +12,7 @@ from ..analysis import intervals, metrics
 from ..analysis.bias import BiasTest, mean_test
 from ..analysis.images import FloatArray, luminance
 from ..analysis.intervals import Interval
-from ..analysis.pixel_bias import mean_bias, pixel_bias_jackknife
+from ..analysis.pixel_bias import mean_bias, squared_pixel_bias
 from .noise import refusal, relative, shares
 from .results import Measured, ReferenceImage, Refused, Row, Run
 from .scalars import lone, make_row, means_of, per_run, reference_of
@@ -48,7 +48,7 @@ def paired_mean(data: Measured) -> Iterator[Row]:
                 "",
                 mean_bias(own, base),
                 None,
-                p_value=intervals.paired_difference(*means).p_value,
+                p_value=intervals.sign_flip_p_value(*means),
             )
 
 
@@ -97,7 +97,7 @@ def pixel_biases(data: Measured) -> Iterator[Row | Refused]:
         return
     truth, variance = reference.luminance, reference.luminance_variance
     means = {name: _means(runs) for name, runs in data.runs.items() if len(runs) > 1}
-    found = {name: pixel_bias_jackknife(own, truth, variance) for name, own in means.items()}
+    found = {name: squared_pixel_bias(own, truth, variance) for name, own in means.items()}
     for name, own in found.items():
         value = _root(own.interval())
         partner = data.partner(name)
@@ -105,7 +105,7 @@ def pixel_biases(data: Measured) -> Iterator[Row | Refused]:
         yield make_row(data, name, "rms pixel bias", "", value, None, p_value=p_value)
         if partner:
             # The squared bias of the difference: what both have of the reference cancels.
-            paired = pixel_bias_jackknife(means[name] - means[partner] + truth, truth)
+            paired = squared_pixel_bias(means[name] - means[partner] + truth, truth)
             yield make_row(
                 data,
                 name,

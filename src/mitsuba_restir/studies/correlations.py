@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import attrgetter
 
 import numpy as np
 
 from ..analysis import spectrum
-from ..analysis.covariance import (
-    correlation_of_products,
-    relative_covariance,
-    temporal_products,
-)
-from ..analysis.covariance_products import RunProducts, jackknife_of, run_products
+from ..analysis.covariance import RunProducts, run_products, temporal_covariance
 from ..analysis.images import FloatArray, luminance
 from .frame_errors import CLIP, chain_spectra, frames_of, reference_noise
 from .noise import refusal
@@ -46,9 +42,9 @@ def _covariance(
         base = found.get(data.partner(name) or "")
         quantity = f"relative covariance r=8{label}"
         for title, statistic in (
-            (quantity, lambda products: jackknife_of(products.window_term)),
-            (f"{quantity}, with j=i", lambda products: jackknife_of(products.with_self)),
-            (f"mean correlation r=8{label}", correlation_of_products),
+            (quantity, attrgetter("covariance")),
+            (f"{quantity}, with j=i", attrgetter("with_self")),
+            (f"mean correlation r=8{label}", attrgetter("correlation")),
         ):
             other = None if base is None else statistic(base)
             yield row_of_jackknife(data, name, title, statistic(own), other)
@@ -120,7 +116,7 @@ def covariance_of_frames(data: Measured) -> Iterator[Row]:
     """Covariance of consecutive frames, where every frame is kept."""
     reference = reference_of(data).image
     found = {
-        name: jackknife_of(temporal_products(np.stack(_luminances(runs)), reference))
+        name: temporal_covariance(np.stack(_luminances(runs)), reference)
         for name, runs in data.runs.items()
     }
     for name, own in found.items():
@@ -145,10 +141,7 @@ def covariance_in_sequence(data: Measured) -> Iterator[Row]:
     reference = reference_of(data).image
     values = {
         name: np.array(
-            [
-                relative_covariance(frames, reference).covariance.value
-                for frames in _luminances(runs)
-            ]
+            [run_products([frames], reference).covariance.value for frames in _luminances(runs)]
         )
         for name, runs in data.runs.items()
     }

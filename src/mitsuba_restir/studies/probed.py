@@ -45,7 +45,7 @@ def of_probe(
                 unit = next((u for start, u in (units or {}).items() if name.startswith(start)), "")
                 ratio, p_value = None, None
                 if compared and (others := _of_baseline(data, variant, probe, name, values)):
-                    p_value = intervals.paired_difference(values, others).p_value
+                    p_value = intervals.sign_flip_p_value(values, others)
                     if min(*others, *values) > 0.0:
                         ratio = intervals.ratio_interval(values, others)
                 yield make_row(data, variant, name, unit, value, ratio, len(values), p_value)

@@ -59,7 +59,7 @@ def rows_of_runs(
         ratio, p_value = None, None
         if partner := data.partner(name):
             ratio = _ratio(own, values[partner])
-            p_value = intervals.paired_difference(own, values[partner]).p_value
+            p_value = intervals.sign_flip_p_value(own, values[partner])
         yield make_row(data, name, quantity, unit, value, ratio, p_value=p_value)
 
 
@@ -128,7 +128,7 @@ def frame_time(data: Measured) -> Iterator[Row]:
             ratio = _median(pairs)
             if len(pairs) > 1:
                 logarithms = [np.median(np.log(frames)) for frames in pairs]
-                p_value = intervals.paired_difference(logarithms, np.zeros(len(pairs))).p_value
+                p_value = intervals.sign_flip_p_value(logarithms, np.zeros(len(pairs)))
         yield make_row(data, name, "time of a frame", "ms", value, ratio, p_value=p_value)
 
 
@@ -235,7 +235,7 @@ def whole_relmse(data: Measured, image: Image, _: ReferenceImage) -> float:
 
 def hdr_flip(_: Measured, image: Image, reference: ReferenceImage) -> float:
     """Mean HDR-FLIP; a `Measure`."""
-    return metrics.hdr_flip(image, reference.image).mean
+    return metrics.hdr_flip(image, reference.image)
 
 
 def relative_rmse(data: Measured) -> Iterator[Row | Refused]:
@@ -292,7 +292,7 @@ def equal_time(data: Measured) -> Iterator[Row | Refused]:
                 # Times of frames that did not take turns with the baseline's are no pairs.
                 if sessions == [run.session for run in runs] and len(runs) > 1:
                     value = _ratio(base, cost) or value
-                    p_value = intervals.paired_difference(base, cost).p_value
+                    p_value = intervals.sign_flip_p_value(base, cost)
                 quantity = f"equal time: {reading}{label}"
                 yield make_row(data, name, quantity, "x", value, None, p_value=p_value)
 

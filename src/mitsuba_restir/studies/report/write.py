@@ -41,7 +41,7 @@ _CAPTIONS = (
 # What is no squared error keeps all of the reference's.
 _WITH_ALL: Mapping[str, Callable[[ArrayLike, ArrayLike], float]] = {
     "SMAPE": metrics.smape,
-    "HDR-FLIP": lambda image, reference: metrics.hdr_flip(image, reference).mean,
+    "HDR-FLIP": metrics.hdr_flip,
 }
 
 
