@@ -7,8 +7,8 @@ import pytest
 from scipy import ndimage, signal
 
 from mitsuba_restir.analysis import intervals, metrics, pixel_bias, spectrum
-from mitsuba_restir.studies.frame_errors import relative_errors
-from mitsuba_restir.studies.results import ReferenceImage
+from mitsuba_restir.studies.measure.frame_errors import relative_errors
+from mitsuba_restir.studies.runs.results import ReferenceImage
 
 
 def test_white_noise_has_the_power_of_its_variance() -> None:

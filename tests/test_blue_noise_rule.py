@@ -31,9 +31,9 @@ from mitsuba_restir.passes.neighborhood import pixels_of_set, set_lanes
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.sampling.georgiev import energy, image_energy
 from mitsuba_restir.studies import load_study, run_study
-from mitsuba_restir.studies.adapt import on_scene, quick, without
-from mitsuba_restir.studies.mutation_spectra import numbers
-from mitsuba_restir.studies.results import ReferenceImage
+from mitsuba_restir.studies.config.adapt import on_scene, quick, without
+from mitsuba_restir.studies.measure.mutation_spectra import numbers
+from mitsuba_restir.studies.runs.results import ReferenceImage
 
 RULES = ("mutation", "mutation_updated")
 STEP = 0.2

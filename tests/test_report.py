@@ -18,25 +18,27 @@ import pytest
 from PIL import Image as Pillow
 from scipy import ndimage
 
-import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
+import mitsuba_restir.studies.store.reference as reference_module
 from mitsuba_restir.analysis.covariance_images import lag_products
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.intervals import Interval
 from mitsuba_restir.errors import UsageError
-from mitsuba_restir.studies import Study, cache, load_study, run
-from mitsuba_restir.studies.biases import block_scores
-from mitsuba_restir.studies.frame_errors import chain_spectra
-from mitsuba_restir.studies.notebook import Results
-from mitsuba_restir.studies.rendering import Renderer
+from mitsuba_restir.studies import Study, load_study, run
+from mitsuba_restir.studies.measure.biases import block_scores
+from mitsuba_restir.studies.measure.frame_errors import chain_spectra
+from mitsuba_restir.studies.measure.results import Measured, Row
 from mitsuba_restir.studies.report import curves, figures
 from mitsuba_restir.studies.report.colours import diverging, sequential
 from mitsuba_restir.studies.report.headline import headline, percent, short
+from mitsuba_restir.studies.report.notebook import Results
 from mitsuba_restir.studies.report.page import _smallest_png
 from mitsuba_restir.studies.report.pictures import galleries, shown_of
 from mitsuba_restir.studies.report.spectra import mask_pictures, mutation_pictures
 from mitsuba_restir.studies.report.strips import CROP, crop_of
-from mitsuba_restir.studies.results import Measured, ReferenceImage, Row, Run
+from mitsuba_restir.studies.runs.rendering import Renderer
+from mitsuba_restir.studies.runs.results import ReferenceImage, Run
+from mitsuba_restir.studies.store import cache
 
 STUDY = """
 name = "drawn"

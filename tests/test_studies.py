@@ -18,24 +18,25 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
-import mitsuba_restir.studies.runs as runs_module
+import mitsuba_restir.studies.runs.turns as runs_module
+import mitsuba_restir.studies.store.reference as reference_module
 from mitsuba_restir import cli
 from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import encode_exr, write_atomically
-from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study
-from mitsuba_restir.studies.arrays import load_arrays, save_arrays
-from mitsuba_restir.studies.config import Reference, Study, Variant
-from mitsuba_restir.studies.files import dump_study
-from mitsuba_restir.studies.quantities import QUANTITIES
-from mitsuba_restir.studies.rendering import Renderer, seed_of
+from mitsuba_restir.studies import load_study, packaged_studies, run_study
+from mitsuba_restir.studies.config.files import dump_study
+from mitsuba_restir.studies.config.study import Reference, Study, Variant
+from mitsuba_restir.studies.config.tables import from_table, to_table
+from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.report.write import _facts
-from mitsuba_restir.studies.results import ReferenceImage
-from mitsuba_restir.studies.software import software
-from mitsuba_restir.studies.store import StudyFolder
-from mitsuba_restir.studies.tables import from_table, to_table
+from mitsuba_restir.studies.runs.rendering import Renderer, seed_of
+from mitsuba_restir.studies.runs.results import ReferenceImage
+from mitsuba_restir.studies.runs.software import software
+from mitsuba_restir.studies.store import cache
+from mitsuba_restir.studies.store.arrays import load_arrays, save_arrays
+from mitsuba_restir.studies.store.folder import StudyFolder
 
 STUDY = """
 name = "small"

@@ -18,11 +18,12 @@ from mitsuba_restir import cli
 from mitsuba_restir.cli import evaluate
 from mitsuba_restir.cli.arguments import OneLineParser
 from mitsuba_restir.errors import RenderError, UsageError
-from mitsuba_restir.studies import Study, cache, load_study, packaged_studies, run_study, runner
-from mitsuba_restir.studies.adapt import on_scene, quick, without
-from mitsuba_restir.studies.lock import FolderLock
-from mitsuba_restir.studies.store import StudyFolder
-from mitsuba_restir.studies.table import Table
+from mitsuba_restir.studies import Study, load_study, packaged_studies, run_study, runner
+from mitsuba_restir.studies.config.adapt import on_scene, quick, without
+from mitsuba_restir.studies.measure.table import Table
+from mitsuba_restir.studies.store import cache
+from mitsuba_restir.studies.store.folder import StudyFolder
+from mitsuba_restir.studies.store.lock import FolderLock
 
 READY = ("thesis", "decorrelation", "blue_noise", "shifts", "convergence", "moving_camera")
 
@@ -340,7 +341,7 @@ def test_a_cluster_gives_the_same_numbers(file: str, tmp_path: Path) -> None:
     distributed: Any = pytest.importorskip(
         "distributed", reason="the cluster test needs Dask: pip install 'dask[distributed]'"
     )
-    from mitsuba_restir.studies.dask_cluster import dask_cluster
+    from mitsuba_restir.studies.runs.dask_cluster import dask_cluster
 
     study = load_study(file)
     with (
@@ -356,7 +357,7 @@ def test_a_cluster_gives_the_same_numbers(file: str, tmp_path: Path) -> None:
 
 def test_a_cluster_that_does_not_answer_is_one_line() -> None:
     pytest.importorskip("distributed")
-    from mitsuba_restir.studies import dask_cluster as module
+    from mitsuba_restir.studies.runs import dask_cluster as module
 
     with pytest.raises(UsageError, match="no scheduler answers"), module.dask_cluster("nowhere"):
         pass

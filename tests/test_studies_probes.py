@@ -16,14 +16,15 @@ import numpy as np
 import pytest
 
 from mitsuba_restir.errors import RenderError, UsageError
-from mitsuba_restir.studies import load_study, probe_child, run_study
-from mitsuba_restir.studies.environment import environment
-from mitsuba_restir.studies.lock import FolderLock
-from mitsuba_restir.studies.probed import memory_slopes
-from mitsuba_restir.studies.probes import PROBES
-from mitsuba_restir.studies.rendering import Renderer
-from mitsuba_restir.studies.results import Measured
-from mitsuba_restir.studies.tables import to_table
+from mitsuba_restir.studies import load_study, run_study
+from mitsuba_restir.studies.config.tables import to_table
+from mitsuba_restir.studies.measure import probe_child
+from mitsuba_restir.studies.measure.probed import memory_slopes
+from mitsuba_restir.studies.measure.results import Measured
+from mitsuba_restir.studies.runs.probes import PROBES
+from mitsuba_restir.studies.runs.rendering import Renderer
+from mitsuba_restir.studies.store.environment import environment
+from mitsuba_restir.studies.store.lock import FolderLock
 
 STUDY = """
 name = "probed"
@@ -169,7 +170,7 @@ def test_two_processes_cannot_share_a_folder(tmp_path: Path) -> None:
     lock = FolderLock(tmp_path)
     code = (
         "import sys; from pathlib import Path\n"
-        "from mitsuba_restir.studies.lock import FolderLock\n"
+        "from mitsuba_restir.studies.store.lock import FolderLock\n"
         "FolderLock(Path(sys.argv[1]))"
     )
     command = [sys.executable, "-c", code, str(tmp_path)]

@@ -11,16 +11,17 @@ import pytest
 from scipy import ndimage
 
 from mitsuba_restir.analysis import run_products, spectrum
-from mitsuba_restir.studies.frame_errors import (
+from mitsuba_restir.studies.measure.frame_errors import (
     filtered_mse,
     mean_square,
     reference_noise,
     relative_errors,
 )
-from mitsuba_restir.studies.mutation_spectra import SHARE
-from mitsuba_restir.studies.quantities import QUANTITIES
-from mitsuba_restir.studies.reference import smooth
-from mitsuba_restir.studies.results import Measured, ReferenceImage, Refused, Row, Run
+from mitsuba_restir.studies.measure.mutation_spectra import SHARE
+from mitsuba_restir.studies.measure.quantities import QUANTITIES
+from mitsuba_restir.studies.measure.results import Measured, Refused, Row
+from mitsuba_restir.studies.runs.results import ReferenceImage, Run
+from mitsuba_restir.studies.store.reference import smooth
 
 SHAPE = (64, 96)
 

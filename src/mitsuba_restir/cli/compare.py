@@ -23,9 +23,10 @@ from .. import imageio
 from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
-from ..studies.batches import LEAST_BATCHES, BatchMean
-from ..studies.noise import excess, shares, trimmed
-from ..studies.results import Measured, ReferenceImage
+from ..studies.measure.noise import excess, shares, trimmed
+from ..studies.measure.results import Measured
+from ..studies.runs.batches import LEAST_BATCHES, BatchMean
+from ..studies.runs.results import ReferenceImage
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
 from .parameters import Value, parse_parameters

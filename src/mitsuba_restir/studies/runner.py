@@ -8,24 +8,22 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import rendering
-from .config import Size, Study
-from .derived import with_derived
-from .measuring import measure_across, measure_size
-from .probes import PROBES
-from .reference import (
+from .config.study import Size, Study
+from .config.tables import to_table
+from .measure.loading import load_size
+from .measure.measuring import measure_across, measure_size
+from .measure.results import Row
+from .measure.table import Table
+from .runs.probes import PROBES
+from .runs.rendering import Renderer, load_scene, make_renderer
+from .runs.turns import rehearse, remote_run, render_run
+from .store.folder import StudyFolder
+from .store.reference import (
     load_reference,
     missing_batches,
-    notes_on_reference,
     read_reference,
     render_batches,
 )
-from .rendering import Renderer, load_scene, make_renderer
-from .results import Measured, Row
-from .runs import rehearse, remote_run, render_run
-from .software import notes_on_software
-from .store import StudyFolder
-from .table import Table
-from .tables import to_table
 
 Progress = Callable[[int, int, str], None]
 
@@ -92,35 +90,6 @@ def measure(folder: StudyFolder) -> Table:
     folder.write("results.csv", table.csv().encode())
     folder.write("results.json", table.json().encode())
     return table
-
-
-def load_size(folder: StudyFolder, size: Size) -> Measured:
-    """Load the finished runs of a size, what the probes said, and the reference."""
-    study = folder.study
-    runs, probes = {}, {}
-    for name in study.variants:
-        loaded = [folder.load_run(size, name, index) for index in range(study.runs)]
-        runs[name] = [run for run in loaded if run is not None]
-        for probe in study.probes():
-            answers = [folder.load_probe(size, name, probe, i) for i in range(study.probe_runs)]
-            probes[name, probe] = [answer for answer in answers if answer is not None]
-    reference = load_reference(folder, size)
-    label = f"{size[0]}x{size[1]}"
-    baselines = {name: study.baseline_of(name) for name in study.variants}
-    rendered_runs = [run for own in runs.values() for run in own]
-    rendered = Measured(
-        label,
-        runs,
-        study.baseline,
-        baselines,
-        reference,
-        study.epsilon,
-        study.trim,
-        probes,
-        settled=study.warmup > 0,
-        notes=[*notes_on_reference(study, reference), *notes_on_software(label, rendered_runs)],
-    )
-    return with_derived(study, rendered)
 
 
 def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | None = None) -> None:

@@ -11,10 +11,11 @@ import numpy.typing as npt
 from ...analysis import spectrum
 from ...analysis.covariance_images import lag_products
 from ...analysis.images import FloatArray, luminance
-from ..frame_errors import CLIP, frames_of
-from ..noise import refusal, shares, trimmed
-from ..results import Measured, ReferenceImage, Refused, Run
-from ..scalars import relmse
+from ..measure.frame_errors import CLIP, frames_of
+from ..measure.noise import refusal, shares, trimmed
+from ..measure.results import Measured, Refused
+from ..measure.scalars import relmse
+from ..runs.results import ReferenceImage, Run
 
 Values = npt.NDArray[np.float64]
 Record = dict[str, str | float | int]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ..results import Measured, Row
+from ..measure.results import Measured, Row
 from . import figures
 from .colours import line_colours
 from .curves import Curve, Lags, Radial

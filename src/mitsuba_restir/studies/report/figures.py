@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..results import Row
+from ..measure.results import Row
 from .colours import line_colours
 from .curves import Curve, Lags, Radial, standard_error
 

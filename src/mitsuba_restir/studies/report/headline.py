@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ...analysis.intervals import Interval
-from ..results import Row
+from ..measure.results import Row
 
 _ROBUST, _TRIMMED = "relative RMSE, clipped", "relMSE, trimmed"
 

@@ -14,8 +14,8 @@ import numpy as np
 from PIL import Image as Pillow
 
 from ...imageio import encode_png
-from ..config import REFERENCE
-from ..results import Row
+from ..config.study import REFERENCE
+from ..measure.results import Row
 from .colours import Picture
 from .headline import Headline
 from .pictures import Gallery

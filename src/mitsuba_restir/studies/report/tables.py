@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import groupby
 
-from ..results import Row
+from ..measure.results import Row
 from .headline import Cell, Headline, ends, percent
 
 

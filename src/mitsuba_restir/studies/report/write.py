@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike
 
 from ...analysis import metrics
 from ...imageio import Image, encode_exr, encode_png
-from ..arrays import make_folder
-from ..config import REFERENCE, Reference, Study
-from ..files import dump_study
-from ..frame_errors import chain_spectra
-from ..results import Measured, ReferenceImage, Refused, Row
-from ..runner import load_size
-from ..store import StudyFolder
-from ..table import Table
+from ..config.files import dump_study
+from ..config.study import REFERENCE, Reference, Study
+from ..measure.frame_errors import chain_spectra
+from ..measure.loading import load_size
+from ..measure.results import Measured, Refused, Row
+from ..measure.table import Table
+from ..runs.results import ReferenceImage
+from ..store.arrays import make_folder
+from ..store.folder import StudyFolder
 from . import curves
 from .drawings import Curves, draw
 from .headline import headline, short

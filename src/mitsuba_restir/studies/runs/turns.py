@@ -1,0 +1,110 @@
+"""One run: the frames of several variants in turn, in this process or in one of a cluster's."""
+
+from __future__ import annotations
+
+import platform
+import uuid
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...errors import UsageError
+from ..config.study import Size, Study
+from ..config.tables import from_table
+from ..store.cache import scene_digest
+from ..store.reference import REHEARSAL_KEY, RUN_KEY
+from .rendering import Renderer, load_scene, make_renderer, seed_of
+from .results import Image, Run
+from .software import software
+
+# The first frame compiles kernels, the second those of a frame with history.
+_REHEARSAL = 3
+
+
+def rehearse(study: Study, renderers: Mapping[str, Renderer]) -> None:
+    """Compile all kernels, so that no measured frame does."""
+    for renderer in renderers.values():
+        for frame in range(_REHEARSAL):
+            seed = seed_of(study.seed, REHEARSAL_KEY, frame)
+            renderer.frame_before_last(seed, _REHEARSAL - 1 - frame)
+
+
+def render_run(
+    study: Study, renderers: Mapping[str, Renderer], index: int, advance: Callable[[str], None]
+) -> dict[str, Run]:
+    """
+    Render one run of several variants, which take turns at every frame.
+
+    A pure function of the study and the number of the run, times aside: histories are reset first.
+
+    Parameters
+    ----------
+    advance : callable
+        Called with the variant's name after each frame.
+    """
+    for renderer in renderers.values():
+        renderer.reset()
+    images: dict[str, list[Image]] = {name: [] for name in renderers}
+    sums: dict[str, Any] = dict.fromkeys(renderers, 0.0)
+    times: dict[str, list[float]] = {name: [] for name in renderers}
+    names = list(renderers)
+    session = uuid.uuid4().hex
+    last = study.length - 1
+    for frame in range(last + 1):
+        seed = seed_of(study.seed, RUN_KEY, index, frame)
+        # Whoever comes first changes with every frame: no variant profits from its place.
+        first = (index + frame) % len(names)
+        for name in names[first:] + names[:first]:
+            measured = frame >= study.warmup and (frame - study.warmup) % study.stride == 0
+            if measured or renderers[name].has_history:
+                image, seconds = renderers[name].frame_before_last(seed, last - frame)
+            if measured:
+                times[name].append(seconds)
+                sums[name] = sums[name] + image.astype(np.float64)
+                images[name] = [*images[name], image] if study.keep == "all" else [image]
+            advance(name)
+    return {
+        name: Run(
+            images[name][-1],
+            (sums[name] / study.frames).astype(np.float32),
+            np.array(times[name]),
+            partial(np.stack, images[name]) if study.keep == "all" else None,
+            session,
+            software(),
+        )
+        for name in names
+    }
+
+
+def remote_run(
+    table: Mapping[str, Any], scene: str, size: Size, index: int, names: list[str]
+) -> dict[str, Run]:
+    """
+    Render one run in a worker of a cluster.
+
+    Parameters
+    ----------
+    table : mapping
+        The study as a TOML table.
+    scene : str
+        Digest of the scene.
+
+    Raises
+    ------
+    UsageError
+        The worker's scene has another content.
+    """
+    study = from_table(table, str(table["name"]))
+    if scene_digest(study) != scene:
+        raise UsageError(
+            f"{study.name}: the scene '{study.scene}' of the worker {platform.node()} has another "
+            "content: every worker needs the same files"
+        )
+    loaded = load_scene(study)
+    renderers = {
+        name: make_renderer(study, loaded, size, name, study.variants[name]) for name in names
+    }
+    rehearse(study, renderers)
+    return render_run(study, renderers, index, lambda name: None)

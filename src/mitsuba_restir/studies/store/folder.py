@@ -1,0 +1,285 @@
+"""The folder of a study: its configuration, and one file for each finished run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Mapping
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...errors import UsageError, one_line
+from ...imageio import write_atomically
+from ..config.files import dump_study, load_study
+from ..config.study import Size, Study
+from ..runs.probes import REFERENCED
+from ..runs.results import Image, Run
+from .arrays import Stored, load_arrays, make_folder, save_arrays
+from .cache import (
+    reference_digest,
+    reference_folder,
+    reference_key,
+    remove_leftovers,
+    scene_digest,
+)
+from .environment import environment
+from .lock import FILE as LOCK
+from .lock import FolderLock
+from .provenance import FILE as PROVENANCE
+from .provenance import differences, digest_of, entry, read_history, usable_digests
+
+
+class StudyFolder:
+    """
+    Reads and writes the results of one study.
+
+    Every file is complete or absent, carries digests of the configuration and the scene that it was
+    rendered with, and is refused where it cannot be read or its variant was rendered otherwise.
+
+    At the end of its context it is given free.
+
+    Parameters
+    ----------
+    path : Path
+    study : Study
+
+    Fields
+    ------
+    scene : str
+        Digest of the scene.
+
+    Raises
+    ------
+    UsageError
+        The folder holds this study with other settings, or other things, or there is no such scene.
+    """
+
+    def __init__(self, path: Path, study: Study) -> None:
+        self.path = path
+        self.study = study
+        self.digest = digest_of(study)
+        self.scene = scene_digest(study)
+        self.refused: list[str] = []
+        self._references: dict[Size, tuple[Path, str]] = {}
+        self._lock: FolderLock | None = None
+        config = path / "config.toml"
+        self._history = entry(study)
+        try:
+            known, taken = config.exists(), path.exists() and not _is_begun(path)
+        except OSError as error:
+            raise UsageError(f"cannot use {path}: {error.strerror}") from error
+        if known:
+            self._compare(load_study(str(config)))
+        elif taken:
+            raise UsageError(f"{path} exists and holds no study: choose a new folder")
+
+    def claim(self) -> None:
+        """
+        Make and lock the folder and write what is run, once it is known that it can be run.
+
+        Raises
+        ------
+        UsageError
+            The folder cannot be made, or another process works in it.
+        RenderError
+            It cannot be written to.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"cannot make {self.path}: {error.strerror}") from error
+        if self._lock is None:
+            self._lock = FolderLock(self.path)
+        for leftover in self.path.rglob(".*.partial"):
+            leftover.unlink()
+        remove_leftovers()
+        self.write(PROVENANCE, (json.dumps(self._history, indent=1) + "\n").encode())
+        write_atomically(self.path / "config.toml", dump_study(self.study))
+        self._note_environment()
+
+    def __enter__(self) -> StudyFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Give the folder free for other processes."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def environments(self) -> list[dict[str, str | int]]:
+        """Return the machines and versions that worked on this study, first to last."""
+        try:
+            found: list[dict[str, str | int]] = json.loads(
+                (self.path / "environment.json").read_text("utf-8")
+            )
+        except (OSError, ValueError):
+            return []
+        return found
+
+    def _note_environment(self) -> None:
+        known, own = self.environments(), environment()
+        if own not in known:
+            self.write("environment.json", (json.dumps([*known, own], indent=1) + "\n").encode())
+
+    def _compare(self, other: Study) -> None:
+        differing = differences(self.study, other)
+        if differing:
+            raise UsageError(
+                f"{self.path} holds this study with other settings ({', '.join(differing)} "
+                "differ): choose a new folder"
+            )
+        self._history = {**read_history(self.path), **entry(other), **self._history}
+
+    def _label(self, path: Path) -> dict[str, str]:
+        """Return what a file of this study says about itself."""
+        return {"digest": self.digest, "file": self._place(path), "scene": self.scene}
+
+    def _check(self, variant: str, path: Path, label: Mapping[str, Any]) -> None:
+        """Refuse a file of a variant: what is foreign (ValueError), or of another scene."""
+        digests = usable_digests(self._history, self.study, variant)
+        if label["digest"] not in digests or label["file"] != self._place(path):
+            raise ValueError("it belongs to another study or place")
+        if label["scene"] != self.scene:
+            raise UsageError(
+                f"{self.path} holds this study with another content of its scene "
+                f"('{self.study.scene}' or what it names has changed): choose a new folder"
+            )
+
+    def _file(self, kind: str, size: Size, variant: str, index: int) -> Path:
+        return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}.npz"
+
+    def load_run(self, size: Size, variant: str, index: int) -> Run | None:
+        """
+        Return a finished run, or None where there is none that can be trusted.
+
+        Its single frames stay on the disk until they are asked for.
+        """
+        path = self._file("runs", size, variant, index)
+        found = self._load(path, partial(self._check, variant, path), size, leave=("frames",))
+        if found is None:
+            return None
+        arrays = found.arrays
+        mean = arrays["mean"]
+
+        def frames() -> Image:
+            return load_arrays(path).arrays["frames"]
+
+        load_frames = frames if "frames" in found.left else None
+        session, software = (str(arrays.get(name, "")) for name in ("session", "software"))
+        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames, session, software)
+
+    def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
+        """Write a finished run (RenderError where the disk refuses it)."""
+        arrays: dict[str, npt.NDArray[Any]] = {
+            "mean": run.mean,
+            "times": run.times,
+            "session": np.array(run.session),
+            "software": np.array(run.software),
+        }
+        if len(run.times) > 1:
+            arrays["last"] = run.last
+        if (frames := run.frames) is not None:
+            arrays["frames"] = frames
+        path = self._file("runs", size, variant, index)
+        save_arrays(path, self._label(path), arrays)
+
+    def load_probe(
+        self, size: Size, variant: str, probe: str, index: int
+    ) -> dict[str, float] | None:
+        """Return what a probe said of a run, or None where it is not known."""
+        path = self._probe_file(size, variant, probe, index)
+        if not path.exists():
+            return None
+        try:
+            content = json.loads(path.read_text("utf-8"))
+            self._check(variant, path, content)
+            if content.get("reference", "") != self._reference_of(probe):
+                raise ValueError("it was measured with another reference")
+            return {str(name): float(value) for name, value in content["numbers"].items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            self.refused.append(f"{path} is not used: {one_line(error)}")
+            return None
+
+    def save_probe(
+        self, size: Size, variant: str, probe: str, index: int, numbers: Mapping[str, float]
+    ) -> None:
+        """Write what a probe said of a run."""
+        path = self._probe_file(size, variant, probe, index)
+        content = {**self._label(path), "numbers": dict(numbers)}
+        if reference := self._reference_of(probe):
+            content["reference"] = reference
+        make_folder(path.parent)
+        write_atomically(path, json.dumps(content).encode())
+
+    def _reference_of(self, probe: str) -> str:
+        """Return the key of the reference that a probe's answers depend on, if they do."""
+        return self._reference_key if probe in REFERENCED else ""
+
+    @cached_property
+    def _reference_key(self) -> str:
+        return reference_key(self.study)
+
+    def _probe_file(self, size: Size, variant: str, probe: str, index: int) -> Path:
+        return self._file(f"probes/{probe}", size, variant, index).with_suffix(".json")
+
+    def load_batch(self, size: Size, index: int) -> Image | None:
+        """Return a finished batch of the reference, whichever study rendered it, or None."""
+        path, label = self._batch(size, index)
+
+        def check(found: Mapping[str, str]) -> None:
+            if found != label:
+                raise ValueError("it belongs to another reference or batch")
+
+        found = self._load(path, check, size)
+        return None if found is None else found.arrays["mean"]
+
+    def save_batch(self, size: Size, index: int, image: Image) -> None:
+        """Write a finished batch of the reference."""
+        path, label = self._batch(size, index)
+        save_arrays(path, label, {"mean": image})
+
+    def _batch(self, size: Size, index: int) -> tuple[Path, dict[str, str]]:
+        if size not in self._references:
+            digest = reference_digest(self.study, size, self.scene)
+            self._references[size] = (reference_folder(self.study, size, digest), digest)
+        folder, digest = self._references[size]
+        return folder / f"{index:04d}.npz", {"digest": digest, "batch": str(index)}
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file of results."""
+        write_atomically(self.path / name, data)
+
+    def _place(self, path: Path) -> str:
+        return path.relative_to(self.path).as_posix()
+
+    def _load(
+        self,
+        path: Path,
+        check: Callable[[Mapping[str, str]], None],
+        size: Size,
+        leave: Collection[str] = (),
+    ) -> Stored | None:
+        if not path.exists():
+            return None
+        try:
+            found = load_arrays(path, leave)
+            check(found.label)
+            if found.arrays["mean"].shape != (size[1], size[0], 3):
+                raise ValueError("its image has another size")
+        except (ValueError, KeyError) as error:
+            self.refused.append(f"{path} is not used: {one_line(error)}")
+            return None
+        return found
+
+
+def _is_begun(path: Path) -> bool:
+    """Say whether a folder without a configuration holds only what a killed process left of it."""
+    return path.is_dir() and all(
+        file.name in (LOCK, PROVENANCE) or file.match(".*.partial") for file in path.iterdir()
+    )
