@@ -161,7 +161,7 @@ def _part(
         data.baselines,
         _about_errors(data, {row.quantity for row in rows if row.size == data.size}),
         overview,
-        pictures,
+        {gallery.key: gallery for gallery in pictures},
         drawings,
     )
 
