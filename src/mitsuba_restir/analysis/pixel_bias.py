@@ -39,7 +39,8 @@ def squared_pixel_bias(
     if y.shape[0] < 2:
         raise ValueError("The bias per pixel needs at least 2 independent chains.")
     scale = smoothed_reference(r)
-    errors = ((y - r) / scale).reshape(len(y), -1)
+    # The chains of a pixel side by side, as they are summed.
+    errors = np.asfortranarray(((y - r) / scale).reshape(len(y), -1))
     floor = float(np.mean(np.asarray(reference_variance, dtype=np.float64) / scale**2))
 
     def cross(chosen: FloatArray) -> float:

@@ -11,10 +11,10 @@ from ..errors import rendering
 from .config.study import Size, Study
 from .config.tables import to_table
 from .measure.loading import load_size
-from .measure.measuring import measure_across, measure_size
+from .measure.measuring import measure_size
+from .measure.probes import PROBES
 from .measure.results import Row
 from .measure.table import Table
-from .runs.probes import PROBES
 from .runs.rendering import Renderer, load_scene, make_renderer
 from .runs.turns import rehearse, remote_run, render_run
 from .store.folder import StudyFolder
@@ -85,7 +85,6 @@ def measure(folder: StudyFolder) -> Table:
         found, refused = measure_size(study, data)
         rows += found
         notes += refused
-    rows += measure_across(study, sizes)
     table = Table(rows, tuple(dict.fromkeys(notes)), study.published)
     folder.write("results.csv", table.csv().encode())
     folder.write("results.json", table.json().encode())

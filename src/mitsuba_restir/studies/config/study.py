@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...errors import UsageError
-from ..measure.quantities import QUANTITIES
+from ..measure.quantities import QUANTITIES, unknown_quantity
 
 REFERENCE = "reference"
 """What the truth is called beside the variants."""
@@ -206,9 +206,7 @@ class Study:
                 )
         unknown = [name for name in self.quantities if name not in QUANTITIES]
         if unknown:
-            raise UsageError(
-                f"{self.name}: unknown quantity '{unknown[0]}'; there are {', '.join(QUANTITIES)}"
-            )
+            raise UsageError(f"{self.name}: {unknown_quantity(unknown[0])}")
         for name in self.quantities:
             self._check_quantity(name)
         strange = [name for name in self.published if name not in self.variants]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from ...errors import RenderError
 from ..config.study import Study
 from .quantities import QUANTITIES
-from .results import Measured, Refused, Row
-from .scalars import lone
+from .results import Measured, Number, Refused, Row
+from .rows import lone, make_row
+
+_BLUR = Number("Gaussian of the blur", "px")
 
 
 def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
@@ -28,8 +29,7 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
         An image holds values that are not finite, or a package is missing.
     """
     rows: list[Row] = [
-        Row(data.size, name, "Gaussian of the blur", "px", lone(sigma), None, len(data.runs[name]))
-        for name, sigma in data.blurs.items()
+        make_row(data, name, _BLUR, lone(sigma)) for name, sigma in data.blurs.items()
     ]
     notes: list[str] = []
     if study.shows_images():
@@ -51,9 +51,3 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
     return sorted(
         once.values(), key=lambda row: (order.index(row.quantity), variants.index(row.variant))
     ), notes
-
-
-def measure_across(study: Study, sizes: Sequence[Measured]) -> list[Row]:
-    """Measure what follows from all sizes together."""
-    found = [QUANTITIES[name].across for name in study.quantities]
-    return [row for across in found if across is not None for row in across(sizes)]

@@ -15,7 +15,7 @@ from ...errors import UsageError, one_line
 from ...imageio import write_atomically
 from ..config.files import dump_study, load_study
 from ..config.study import Size, Study
-from ..runs.probes import REFERENCED
+from ..measure.quantities import QUANTITIES
 from ..runs.results import Image, Run
 from .arrays import Stored, load_arrays, make_folder, save_arrays
 from .cache import (
@@ -219,7 +219,7 @@ class StudyFolder:
 
     def _reference_of(self, probe: str) -> str:
         """Return the key of the reference that a probe's answers depend on, if they do."""
-        return self._reference_key if probe in REFERENCED else ""
+        return self._reference_key if QUANTITIES[probe].needs_reference else ""
 
     @cached_property
     def _reference_key(self) -> str:
