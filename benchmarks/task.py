@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mitsuba_restir.studies.config.study import Size, Study
-from mitsuba_restir.studies.measure.probes import KEY, REHEARSAL
-from mitsuba_restir.studies.runs.rendering import Renderer, load_scene, make_renderer, seed_of
+from mitsuba_restir.studies.runs.probing import KEY, REHEARSAL
+from mitsuba_restir.studies.runs.rendering import Renderer, make_renderer, seed_of
+from mitsuba_restir.studies.runs.scene import load_scene
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from scipy import ndimage
 
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.store.reference as reference_module
+from mitsuba_restir import cache
 from mitsuba_restir.analysis.covariance_images import lag_products
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.intervals import Interval
@@ -38,7 +39,6 @@ from mitsuba_restir.studies.report.spectra import mask_pictures, mutation_pictur
 from mitsuba_restir.studies.report.strips import CROP, crop_of
 from mitsuba_restir.studies.runs.rendering import Renderer
 from mitsuba_restir.studies.runs.results import ReferenceImage, Run
-from mitsuba_restir.studies.store import cache
 
 STUDY = """
 name = "drawn"

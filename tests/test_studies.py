@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import sys
 import time
 import zipfile
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from rich.console import Console
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.runs.turns as runs_module
 import mitsuba_restir.studies.store.reference as reference_module
-from mitsuba_restir import cli
+from mitsuba_restir import cache, cli
 from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import encode_exr, write_atomically
@@ -33,8 +34,8 @@ from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.report.write import _facts
 from mitsuba_restir.studies.runs.rendering import Renderer, seed_of
 from mitsuba_restir.studies.runs.results import ReferenceImage
+from mitsuba_restir.studies.runs.scene import scene_digest
 from mitsuba_restir.studies.runs.software import software
-from mitsuba_restir.studies.store import cache
 from mitsuba_restir.studies.store.arrays import load_arrays, save_arrays
 from mitsuba_restir.studies.store.folder import StudyFolder
 
@@ -149,6 +150,36 @@ def test_packaged_studies_are_sound(name: str) -> None:
     study = load_study(name)
     assert study.name == name
     assert load_study(name, ["runs=7"]).runs == 7
+
+
+def test_a_study_has_the_keys_of_its_base(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "child.toml").write_text('name = "child"\nbase = "small.toml"\nruns = 5\n')
+    variants = '[variants.only]\ntype = "path"\n'
+    (tmp_path / "grandchild.toml").write_text(
+        f'name = "grandchild"\nbase = "child.toml"\nseed = 9\n{variants}'
+    )
+    child, grandchild = (
+        load_study(str(tmp_path / f"{name}.toml")) for name in ("child", "grandchild")
+    )
+    assert child == replace(study, name="child", runs=5)
+    only = {"only": Variant("path")}
+    assert grandchild == replace(child, name="grandchild", seed=9, variants=only, baseline="only")
+    # What a folder keeps is complete.
+    assert "base =" not in dump_study(child).decode()
+
+
+@pytest.mark.parametrize(
+    ("base", "message"),
+    [
+        ('"bad.toml"', "base = 'bad.toml' leads back to itself"),
+        ('"nowhere"', "'nowhere' is neither a file nor a study of the package"),
+        ("1", "base must be a string, not 1"),
+    ],
+)
+def test_a_base_that_is_none(base: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text(f'name = "bad"\nbase = {base}\n')
+    with pytest.raises(UsageError, match=message):
+        load_study(str(tmp_path / "bad.toml"))
 
 
 def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
@@ -335,6 +366,21 @@ def test_every_quantity_can_be_measured(
         assert all(np.isfinite(row.value.low) for row in table.rows)
     ratios = [row.ratio.value for row in table.rows if row.ratio is not None]
     assert all(ratio > 0.0 for ratio in ratios) or "covariance" in name
+
+
+def test_without_flip_one_line_says_so_and_all_else_is_measured(
+    tmp_path: Path,
+    study: Study,
+    log: list[tuple[str, int]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+    changes = ['quantities=["flip", "rmse"]']
+    table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
+    assert {row.quantity for row in table.rows} == {"RMSE"}
+    (note,) = table.notes
+    assert note.startswith("flip at 24x16 is not given in full: HDR-FLIP needs flip-evaluator")
+    assert "\n" not in note
 
 
 def test_quantities_that_share_numbers_give_them_once(
@@ -527,11 +573,11 @@ def test_a_scene_is_known_by_its_content(tmp_path: Path, study: Study) -> None:
         '<scene version="3.0.0"><string name="filename" value="meshes/a.ply"/></scene>'
     )
     changed = load_study(str(tmp_path / "small.toml"), [f"scene={scene}"])
-    first = cache.scene_digest(changed)
-    assert first != cache.scene_digest(study)
-    assert cache.scene_digest(changed) == first
+    first = scene_digest(changed)
+    assert first != scene_digest(study)
+    assert scene_digest(changed) == first
     mesh.write_bytes(b"PLY")
-    assert cache.scene_digest(changed) != first
+    assert scene_digest(changed) != first
 
 
 @pytest.mark.parametrize(
@@ -552,9 +598,9 @@ def test_every_file_of_a_scene_is_found(named: str, tmp_path: Path, study: Study
     # A file that is included names others as seen from the scene.
     (tmp_path / "part.xml").write_text('<scene><string value="meshes/a.ply"/></scene>')
     changed = load_study(str(tmp_path / "small.toml"), [f"scene={scene}"])
-    first = cache.scene_digest(changed)
+    first = scene_digest(changed)
     mesh.write_bytes(b"PLY")
-    assert cache.scene_digest(changed) != first
+    assert scene_digest(changed) != first
 
 
 @pytest.mark.parametrize("quantity", ["rmse", "statistics"])
@@ -800,7 +846,7 @@ def test_a_folder_that_was_only_begun_is_used(
 def test_leftovers_in_the_cache_are_removed(
     study: Study, tmp_path: Path, log: list[tuple[str, int]]
 ) -> None:
-    folder = cache.cache_folder() / "references" / "other"
+    folder = cache.cache_folder("references") / "other"
     folder.mkdir(parents=True)
     old, new = folder / ".0001.npz.a.partial", folder / ".0001.npz.b.partial"
     for file in (old, new):

@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitsuba_restir import cli
+from mitsuba_restir import cache, cli
 from mitsuba_restir.cli import evaluate
 from mitsuba_restir.cli.arguments import OneLineParser
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.studies import Study, load_study, packaged_studies, run_study, runner
 from mitsuba_restir.studies.config.adapt import on_scene, quick, without
 from mitsuba_restir.studies.measure.table import Table
-from mitsuba_restir.studies.store import cache
 from mitsuba_restir.studies.store.folder import StudyFolder
-from mitsuba_restir.studies.store.lock import FolderLock
+from mitsuba_restir.studies.store.lock import lock_folder
 
 READY = ("thesis", "decorrelation", "blue_noise", "shifts", "convergence", "moving_camera")
 
@@ -130,7 +129,7 @@ def test_variants_can_be_left_out() -> None:
     with pytest.raises(UsageError, match="no variant 'pth' to leave out: there are path"):
         without(load_study("core_time"), ["pth"])
     with pytest.raises(UsageError, match="no variant is left"):
-        without(load_study("core_memory"), ["path", "frame"])
+        without(load_study("core_equal_time"), ["path", "restir"])
 
 
 @pytest.mark.parametrize(
@@ -257,14 +256,14 @@ def test_the_folder_is_locked_until_the_report_is_written(
 
     def write(folder: StudyFolder, table: Table, command: str) -> Path:
         with pytest.raises(UsageError, match="in use by another process"):
-            FolderLock(out)
+            lock_folder(out)
         return out
 
     monkeypatch.setattr(runner, "render_missing", lambda *arguments: None)
     monkeypatch.setattr(runner, "measure", lambda folder: Table([]))
     monkeypatch.setattr(evaluate, "write_report", write)
     assert _evaluate(file, "-o", str(out)) == 0
-    FolderLock(out).release()
+    lock_folder(out).release()
 
 
 KILLER = """

@@ -14,7 +14,7 @@ from mitsuba_restir.errors import UsageError
 from mitsuba_restir.studies import load_study, run_study
 from mitsuba_restir.studies.measure.quantities import BENCHMARKS
 from mitsuba_restir.studies.store.environment import environment
-from mitsuba_restir.studies.store.lock import FolderLock
+from mitsuba_restir.studies.store.lock import lock_folder
 
 STUDY = """
 name = "probed"
@@ -64,9 +64,10 @@ def test_statistics_become_rows(file: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", BENCHMARKS)
-def test_what_is_a_benchmark_says_where_it_is(file: str, name: str) -> None:
+def test_what_is_a_benchmark_says_where_it_is(file: str, tmp_path: Path, name: str) -> None:
+    study = load_study(file, [f'quantities=["{name}"]'])
     with pytest.raises(UsageError, match=rf"'{name}' is a benchmark.*python -m benchmarks\.{name}"):
-        load_study(file, [f'quantities=["{name}"]'])
+        run_study(study, tmp_path / "out")
 
 
 def test_machine_and_versions_are_recorded() -> None:
@@ -78,18 +79,18 @@ def test_machine_and_versions_are_recorded() -> None:
 
 
 def test_two_processes_cannot_share_a_folder(tmp_path: Path) -> None:
-    lock = FolderLock(tmp_path)
+    lock = lock_folder(tmp_path)
     code = (
         "import sys; from pathlib import Path\n"
-        "from mitsuba_restir.studies.store.lock import FolderLock\n"
-        "FolderLock(Path(sys.argv[1]))"
+        "from mitsuba_restir.studies.store.lock import lock_folder\n"
+        "lock_folder(Path(sys.argv[1]))"
     )
     command = [sys.executable, "-c", code, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "UsageError" in done.stderr
     assert "in use by another process" in done.stderr
     with pytest.raises(UsageError, match="in use"):
-        FolderLock(tmp_path)
+        lock_folder(tmp_path)
     lock.release()
     assert subprocess.run(command, check=False).returncode == 0
     assert np.array_equal([f.name for f in tmp_path.iterdir()], [".lock"])

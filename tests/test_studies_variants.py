@@ -13,15 +13,16 @@ from scipy import ndimage
 
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.store.reference as reference_module
+from mitsuba_restir import cache
 from mitsuba_restir.errors import UsageError
 from mitsuba_restir.studies import Study, load_study, run_study
 from mitsuba_restir.studies.config.adapt import without
 from mitsuba_restir.studies.measure.derived import with_derived
 from mitsuba_restir.studies.measure.frame_errors import filtered_mse, frames_of
 from mitsuba_restir.studies.measure.results import Measured
-from mitsuba_restir.studies.runs.rendering import Renderer, load_scene, make_renderer
+from mitsuba_restir.studies.runs.rendering import Renderer, make_renderer
 from mitsuba_restir.studies.runs.results import ReferenceImage, Run
-from mitsuba_restir.studies.store import cache
+from mitsuba_restir.studies.runs.scene import load_scene
 from mitsuba_restir.studies.store.folder import StudyFolder
 
 STUDY = """

@@ -10,12 +10,14 @@ from typing import Any
 from ..errors import rendering
 from .config.study import Size, Study
 from .config.tables import to_table
+from .measure.asked import check_quantities, probes_of, shows_images
 from .measure.loading import load_size
 from .measure.measuring import measure_size
 from .measure.probes import PROBES
 from .measure.results import Row
 from .measure.table import Table
-from .runs.rendering import Renderer, load_scene, make_renderer
+from .runs.rendering import Renderer, make_renderer
+from .runs.scene import load_scene
 from .runs.turns import rehearse, remote_run, render_run
 from .store.folder import StudyFolder
 from .store.reference import (
@@ -67,6 +69,7 @@ def run_folder(
 ) -> Table:
     """Do as `run_study`, in a folder that stays locked until it is released."""
     study = folder.study
+    check_quantities(study)
     if study.reference is not None and study.reference.file:
         read_reference(study)
     with rendering(study.name):
@@ -129,7 +132,7 @@ def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
         (size, name, probe, index)
         for index in range(study.probe_runs)
         for size in study.sizes
-        for probe in study.probes()
+        for probe in probes_of(study)
         for name in study.rendered()
         if folder.load_probe(size, name, probe, index) is None
     ]
@@ -137,7 +140,7 @@ def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
 
 def _missing_runs(folder: StudyFolder, size: Size) -> dict[int, list[str]]:
     study = folder.study
-    if not study.shows_images():
+    if not shows_images(study):
         return {}
     missing = {
         index: [name for name in study.rendered() if folder.load_run(size, name, index) is None]

@@ -37,7 +37,8 @@ def load_study(source: str, changes: Sequence[str] = ()) -> Study:
     Parameters
     ----------
     source : str
-        Path of a TOML file, or name of a packaged study.
+        Path of a TOML file, or name of a packaged study. A key ``base`` names another study, whose
+        keys it has where it does not give them itself: a file beside it, or a packaged one.
     changes : sequence of str
         ``key=value`` with a TOML value (or plain text), applied on top; dots enter tables, as in
         ``variants.restir.spp=4``.
@@ -47,7 +48,7 @@ def load_study(source: str, changes: Sequence[str] = ()) -> Study:
     UsageError
         There is no such study, it is no TOML, or its content is wrong.
     """
-    return _changed(_parse(_read(source), source), changes, source)
+    return _changed(_table(source), changes, source)
 
 
 def change_study(study: Study, changes: Sequence[str]) -> Study:
@@ -67,7 +68,26 @@ def dump_study(study: Study) -> bytes:
     return tomli_w.dumps(to_table(study)).encode()
 
 
-def _read(source: str) -> str:
+def _table(source: str, descendants: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return a study's table with what it has from its base, and from the base of that."""
+    try:
+        table = tomllib.loads(_text(source))
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"{source} is no TOML: {one_line(error)}") from error
+    base = table.pop("base", None)
+    if base is None:
+        return table
+    if not isinstance(base, str):
+        raise UsageError(f"{source}: base must be a string, not {base!r}")
+    beside = Path(source).parent / base
+    found = str(beside) if beside.is_file() else base
+    family = (*descendants, source)
+    if found in family:
+        raise UsageError(f"{source}: base = '{base}' leads back to itself")
+    return {**_table(found, family), **table}
+
+
+def _text(source: str) -> str:
     path = Path(source)
     if not path.is_file():
         if source not in packaged_studies():
@@ -80,13 +100,6 @@ def _read(source: str) -> str:
         return path.read_text("utf-8")
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read {path}: {one_line(error)}") from error
-
-
-def _parse(text: str, source: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"{source} is no TOML: {one_line(error)}") from error
 
 
 def _changed(table: dict[str, Any], changes: Sequence[str], source: str) -> Study:

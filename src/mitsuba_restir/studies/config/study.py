@@ -2,22 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import field
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, model_validator
+from pydantic.dataclasses import dataclass
 
 from ...errors import UsageError
-from ..measure.quantities import QUANTITIES, unknown_quantity
+from .values import (
+    REFERENCE,
+    Amount,
+    Angle,
+    Batches,
+    Count,
+    Crop,
+    Depth,
+    Flag,
+    FolderName,
+    MitsubaVariant,
+    Name,
+    Natural,
+    Positive,
+    Share,
+    Size,
+    Sizes,
+    Text,
+    Texts,
+    Value,
+    VariantName,
+    Vector,
+)
 
-REFERENCE = "reference"
-"""What the truth is called beside the variants."""
+__all__ = ["REFERENCE", "Crop", "Motion", "Reference", "Size", "Study", "Variant", "View"]
 
-Vector = tuple[float, float, float]
-Crop = tuple[float, float, float, float]
-Size = tuple[int, int]
-Value = bool | int | float | str
+_CLOSED = ConfigDict(extra="forbid")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CLOSED)
 class View:
     """
     A perspective camera in place of the scene's own.
@@ -30,13 +53,21 @@ class View:
         As in Mitsuba's ``look_at``.
     """
 
-    fov: float
+    fov: Angle
     origin: Vector
     target: Vector
     up: Vector = (0.0, 1.0, 0.0)
 
+    def __post_init__(self) -> None:
+        """Check that it looks somewhere (ValueError)."""
+        direction = np.subtract(self.target, self.origin)
+        if not direction.any():
+            raise ValueError(f"target must differ from origin, {list(self.origin)}")
+        if not np.cross(direction, self.up).any():
+            raise ValueError("up must point elsewhere than the view")
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, config=_CLOSED)
 class Motion:
     """
     What moves evenly and arrives with the last frame of a run, where the reference is.
@@ -53,11 +84,18 @@ class Motion:
     """
 
     step: Vector = (0.0, 0.0, 0.0)
-    light: str = ""
+    light: Text = ""
     light_step: Vector = (0.0, 0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        """Check that something moves (ValueError)."""
+        if not any(self.step) and not self.light:
+            raise ValueError("give a step of the camera, or a light and its step")
+        if any(self.light_step) != bool(self.light):
+            raise ValueError("light and light_step go together")
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, config=_CLOSED)
 class Variant:
     """
     One way to render the scene, or (with `of`) what is made of another variant's images.
@@ -80,16 +118,32 @@ class Variant:
         filtered MSE to that of variant `blur_to`. Nothing is rendered.
     """
 
-    type: str = ""
-    spp: int = 1
+    type: Text = ""
+    spp: Count = 1
     parameters: Mapping[str, Value] = field(default_factory=dict)
-    baseline: str = ""
-    shows: str = ""
-    of: str = ""
-    blur_to: str = ""
+    baseline: Text = ""
+    shows: Text = ""
+    of: Text = ""
+    blur_to: Text = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_table(cls, given: Any) -> Any:
+        """Take the keys of a TOML table that are none of a variant as the plugin's parameters."""
+        if not isinstance(given, Mapping):
+            return given
+        own, needed = ["type", "spp", "shows", "baseline"], "type"
+        if "of" in given:
+            own, needed = ["of", "blur_to", "baseline"], "blur_to"
+            if unknown := [key for key in given if key not in own]:
+                raise ValueError(f"unknown key '{unknown[0]}'; known are {', '.join(own)}")
+        if not given.get(needed):
+            raise ValueError(f"'{needed}' is missing")
+        parameters = {key: value for key, value in given.items() if key not in own}
+        return {**{key: given[key] for key in own if key in given}, "parameters": parameters}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CLOSED)
 class Reference:
     """
     Where the truth comes from: files, or Mitsuba's `path`.
@@ -109,15 +163,24 @@ class Reference:
         truth is known to be smooth.
     """
 
-    file: str = ""
-    variance: str = ""
-    spp: int = 0
-    batches: int = 16
-    smooth: float = 0.0
-    noise: float = 0.0
+    file: Text = ""
+    variance: Text = ""
+    spp: Natural = 0
+    batches: Batches = 16
+    smooth: Amount = 0.0
+    noise: Amount = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that it has one origin (ValueError)."""
+        if bool(self.file) == bool(self.spp):
+            raise ValueError("give either file or spp")
+        if self.variance and not self.file:
+            raise ValueError("variance goes with file; that of spp follows from its batches")
+        if self.spp % self.batches:
+            raise ValueError(f"spp = {self.spp} is no multiple of the {self.batches} batches")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CLOSED)
 class Study:
     """
     One experiment.
@@ -148,12 +211,12 @@ class Study:
     stride : int
         Every so many frames one is measured: frames that are far apart err less alike.
     runs, probe_runs : int
-        Independent runs, and those of every probe (see `probes.PROBES`).
+        Independent runs, and those of every probe.
     seed : int
         All seeds follow from it: those of a frame depend on run and frame, not on the variant, so
         that variants are compared on the same random numbers where they use them alike.
     quantities : sequence of str
-        What is measured; see `quantities.QUANTITIES`.
+        What is measured; see `measure.quantities`.
     keep : str
         "last" keeps the last measured frame and the mean of all, "all" every frame too.
     reference : Reference or None
@@ -169,70 +232,62 @@ class Study:
         Values of others to be shown beside, by variant and quantity.
     """
 
-    name: str
-    scene: str
-    variants: Mapping[str, Variant]
-    sizes: Sequence[Size] = ((320, 180),)
-    baseline: str = ""
+    name: FolderName
+    scene: Name
+    variants: Mapping[VariantName, Variant]
+    sizes: Sizes = ((320, 180),)
+    baseline: Text = ""
     view: View | None = None
     crop: Crop | None = None
     motion: Motion | None = None
-    max_depth: int = 10
-    frames: int = 1
-    warmup: int = 0
-    stride: int = 1
-    runs: int = 2
-    probe_runs: int = 2
-    seed: int = 0
-    quantities: Sequence[str] = ("time",)
-    keep: str = "last"
+    max_depth: Depth = 10
+    frames: Count = 1
+    warmup: Natural = 0
+    stride: Count = 1
+    runs: Count = 2
+    probe_runs: Count = 2
+    seed: Natural = 0
+    quantities: Texts = ("time",)
+    keep: Literal["last", "all"] = "last"
     reference: Reference | None = None
-    epsilon: float = 0.01
-    trim: float = 0.001
-    freeze: bool = True
-    mitsuba_variant: str = "llvm_ad_rgb"
-    about: str = ""
-    published: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    epsilon: Positive = 0.01
+    trim: Share = 0.001
+    freeze: Flag = True
+    mitsuba_variant: MitsubaVariant = "llvm_ad_rgb"
+    about: Text = ""
+    published: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check what concerns several fields (UsageError)."""
         if not self.baseline:
             object.__setattr__(self, "baseline", next(iter(self.variants), ""))
+        for problem in self._problems():
+            raise UsageError(f"{self.name}: {problem}")
+
+    def _problems(self) -> Iterator[str]:
+        if not self.variants:
+            yield "[variants] is empty: name at least one"
+        known, rendered = ", ".join(self.variants), ", ".join(self.rendered())
         for baseline in (self.baseline, *(self.baseline_of(name) for name in self.variants)):
             if baseline not in self.variants:
-                raise UsageError(
-                    f"{self.name}: the baseline '{baseline}' is none of the variants "
-                    f"({', '.join(self.variants) or 'there are none'})"
-                )
-        unknown = [name for name in self.quantities if name not in QUANTITIES]
-        if unknown:
-            raise UsageError(f"{self.name}: {unknown_quantity(unknown[0])}")
-        for name in self.quantities:
-            self._check_quantity(name)
-        strange = [name for name in self.published if name not in self.variants]
-        if strange:
-            raise UsageError(
-                f"{self.name}: published values of '{strange[0]}', which is none of the variants "
-                f"({', '.join(self.variants)})"
-            )
+                yield f"the baseline '{baseline}' is none of the variants ({known})"
+        for name in self.published:
+            if name not in self.variants:
+                yield f"published values of '{name}', which is none of the variants ({known})"
         for name, variant in self.variants.items():
             for other in filter(None, (variant.of, variant.blur_to)):
                 if other not in self.rendered():
-                    raise UsageError(
-                        f"{self.name}: '{name}' is made of '{other}', which is no rendered variant "
-                        f"({', '.join(self.rendered()) or 'there are none'})"
-                    )
+                    some = rendered or "there are none"
+                    yield f"'{name}' is made of '{other}', which is no rendered variant ({some})"
             if variant.of and self.reference is None:
-                raise UsageError(
-                    f"{self.name}: '{name}' is blurred to an error: that needs a [reference]"
-                )
+                yield f"'{name}' is blurred to an error: that needs a [reference]"
         if self.motion is not None and self.frames > 1:
-            raise UsageError(
-                f"{self.name}: a moving camera meets its reference in the last frame: frames must "
-                "be 1 (and warmup the frames before)"
+            yield (
+                "a moving camera meets its reference in the last frame: frames must be 1 (and "
+                "warmup the frames before)"
             )
         if self.reference and self.reference.file and len(self.sizes) > 1:
-            raise UsageError(f"{self.name}: a reference file fits one size, not {len(self.sizes)}")
+            yield f"a reference file fits one size, not {len(self.sizes)}"
 
     @property
     def length(self) -> int:
@@ -246,25 +301,3 @@ class Study:
     def baseline_of(self, variant: str) -> str:
         """Return the variant that a variant is compared with."""
         return self.variants[variant].baseline or self.baseline
-
-    def probes(self) -> list[str]:
-        """Return the probes that the quantities need."""
-        found = (QUANTITIES[name].probe for name in self.quantities)
-        return list(dict.fromkeys(probe for probe in found if probe))
-
-    def shows_images(self) -> bool:
-        """Return whether any quantity is measured from images or times of frames."""
-        return any(not QUANTITIES[name].probe for name in self.quantities)
-
-    def _check_quantity(self, name: str) -> None:
-        needs = QUANTITIES[name]
-        if needs.needs_reference and self.reference is None:
-            raise UsageError(f"{self.name}: '{name}' needs a [reference] with file or spp")
-        if needs.cold and self.warmup:
-            raise UsageError(f"{self.name}: '{name}' starts from nothing: it needs warmup = 0")
-        if needs.sequences and (self.keep != "all" or self.frames < 2):
-            raise UsageError(f"{self.name}: '{name}' needs keep = 'all' and at least 2 frames")
-        if needs.sequences and self.stride > 1:
-            raise UsageError(f"{self.name}: '{name}' needs consecutive frames: stride = 1")
-        if self.runs < needs.least_runs:
-            raise UsageError(f"{self.name}: '{name}' needs at least {needs.least_runs} runs")

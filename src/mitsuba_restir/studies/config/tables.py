@@ -1,18 +1,20 @@
-"""Studies as TOML tables: every key checked, every default written out."""
+"""Studies as TOML tables: read with one line for what is wrong, written with every default."""
 
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
-import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from ...errors import UsageError
-from . import fields
-from .study import REFERENCE, Crop, Motion, Reference, Size, Study, Variant, View
+from .study import Motion, Reference, Study, Variant, View
+from .values import KIND
+
+_STUDIES = TypeAdapter(Study)
+_TABLES: Mapping[str, type[Any]] = {"view": View, "motion": Motion, "reference": Reference}
 
 
 def to_table(study: Study) -> dict[str, Any]:
@@ -56,173 +58,34 @@ def from_table(table: Mapping[str, Any], source: str) -> Study:
     UsageError
         A key is missing, unknown or of the wrong kind; says which and what is allowed.
     """
-    reader = fields.Reader(table, source)
-    variants = {name: _variant(reader.table("variants"), name) for name in _names(reader)}
-    view = reader.table("view") if "view" in table else None
-    motion = reader.table("motion") if "motion" in table else None
-    reference = reader.table("reference") if "reference" in table else None
-    study = Study(
-        name=_name(reader),
-        scene=reader.text("scene"),
-        variants=variants,
-        sizes=_sizes(reader),
-        baseline=reader.text("baseline", ""),
-        view=None if view is None else _view(view),
-        crop=_crop(reader),
-        motion=None if motion is None else _motion(motion),
-        max_depth=reader.integer("max_depth", 10, least=-1),
-        frames=reader.integer("frames", 1, least=1),
-        warmup=reader.integer("warmup", 0, least=0),
-        stride=reader.integer("stride", 1, least=1),
-        runs=reader.integer("runs", 2, least=1),
-        probe_runs=reader.integer("probe_runs", 2, least=1),
-        seed=reader.integer("seed", 0, least=0),
-        quantities=reader.texts("quantities", ("time",)),
-        keep=reader.choice("keep", "last", ("last", "all")),
-        reference=None if reference is None else _reference(reference),
-        epsilon=reader.number("epsilon", 0.01, positive=True),
-        trim=reader.number("trim", 0.001, below=1.0),
-        freeze=reader.flag("freeze", True),
-        mitsuba_variant=_mitsuba_variant(reader),
-        about=reader.text("about", ""),
-        published=_published(reader.table("published")) if "published" in table else {},
-    )
-    reader.finish()
-    return study
+    try:
+        return _STUDIES.validate_python(table)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = source + _tables(table, first["loc"])
+        raise UsageError(f"{where}: {_what(first)}") from error
 
 
-def _name(reader: fields.Reader) -> str:
-    name = reader.text("name")
-    # It becomes a part of the folder's name.
-    if not name.isprintable() or set(name) & set("/\\"):
-        raise UsageError(
-            f"{reader.source}: name must be printable and without / and \\, not {name!r}"
-        )
-    return name
+def _tables(table: object, place: tuple[int | str, ...]) -> str:
+    """Name the tables, one inside the other, that lead to a place."""
+    inner = table.get(place[0]) if place and isinstance(table, Mapping) else None
+    return f" [{place[0]}]{_tables(inner, place[1:])}" if isinstance(inner, Mapping) else ""
 
 
-def _mitsuba_variant(reader: fields.Reader) -> str:
-    variant = reader.text("mitsuba_variant", "llvm_ad_rgb")
-    if not re.fullmatch(r"(?!scalar)\w+_rgb", variant):
-        raise UsageError(
-            f"{reader.source}: mitsuba_variant must be one of colour that is compiled, as in "
-            f"llvm_ad_rgb or cuda_ad_rgb, not '{variant}'"
-        )
-    return variant
-
-
-def _names(reader: fields.Reader) -> list[str]:
-    names = reader.table("variants").keys()
-    for name in names:
-        if not re.fullmatch(r"[A-Za-z0-9][\w+.-]*", name):
-            raise UsageError(f"{reader.source}: '{name}' cannot name a variant: use a-z, 0-9, _+.-")
-        if name == REFERENCE:
-            raise UsageError(f"{reader.source}: '{name}' is what the truth is called: name it else")
-    if not names:
-        raise UsageError(f"{reader.source}: [variants] is empty: name at least one")
-    return names
-
-
-def _variant(variants: fields.Reader, name: str) -> Variant:
-    reader = variants.table(name)
-    baseline = reader.text("baseline", "")
-    if "of" in reader.keys():
-        made = Variant(of=reader.text("of"), blur_to=reader.text("blur_to"), baseline=baseline)
-        reader.finish()
-        return made
-    kind, spp = reader.text("type"), reader.integer("spp", 1, least=1)
-    shows = reader.text("shows", "")
-    return Variant(kind, spp, reader.rest(), baseline, shows)
-
-
-def _view(reader: fields.Reader) -> View:
-    view = View(
-        fov=reader.number("fov", positive=True, below=180.0),
-        origin=reader.vector("origin"),
-        target=reader.vector("target"),
-        up=reader.vector("up", (0.0, 1.0, 0.0)),
-    )
-    reader.finish()
-    direction = np.subtract(view.target, view.origin)
-    if not direction.any():
-        raise UsageError(f"{reader.source}: target must differ from origin, {list(view.origin)}")
-    if not np.cross(direction, view.up).any():
-        raise UsageError(f"{reader.source}: up must point elsewhere than the view")
-    return view
-
-
-def _crop(reader: fields.Reader) -> Crop | None:
-    crop = reader.numbers("crop", 4)
-    if crop is None:
-        return None
-    left, top, width, height = crop
-    if min(left, top) < 0.0 or min(width, height) <= 0.0 or max(left + width, top + height) > 1.0:
-        raise UsageError(
-            f"{reader.source}: crop must be left, top, width and height inside 0 ... 1, not "
-            f"{list(crop)}"
-        )
-    return left, top, width, height
-
-
-def _published(reader: fields.Reader) -> dict[str, dict[str, float]]:
-    return {
-        variant: {name: values.number(name) for name in values.keys()}
-        for variant in reader.keys()
-        for values in (reader.table(variant),)
-    }
-
-
-def _motion(reader: fields.Reader) -> Motion:
-    still = (0.0, 0.0, 0.0)
-    motion = Motion(
-        reader.vector("step", still),
-        reader.text("light", ""),
-        reader.vector("light_step", still),
-    )
-    reader.finish()
-    if motion.step == still and not motion.light:
-        raise UsageError(f"{reader.source}: give a step of the camera, or a light and its step")
-    if (motion.light_step == still) != (not motion.light):
-        raise UsageError(f"{reader.source}: light and light_step go together")
-    return motion
-
-
-def _reference(reader: fields.Reader) -> Reference:
-    reference = Reference(
-        file=reader.text("file", ""),
-        variance=reader.text("variance", ""),
-        spp=reader.integer("spp", 0, least=0),
-        batches=reader.integer("batches", 16, least=2),
-        smooth=reader.number("smooth", 0.0),
-        noise=reader.number("noise", 0.0),
-    )
-    reader.finish()
-    if bool(reference.file) == bool(reference.spp):
-        raise UsageError(f"{reader.source}: give either file or spp")
-    if reference.variance and not reference.file:
-        raise UsageError(
-            f"{reader.source}: variance goes with file; that of spp follows from its batches"
-        )
-    if reference.spp % reference.batches:
-        raise UsageError(
-            f"{reader.source}: spp = {reference.spp} is no multiple of the "
-            f"{reference.batches} batches"
-        )
-    return reference
-
-
-def _sizes(reader: fields.Reader) -> tuple[Size, ...]:
-    sizes = tuple(_size(text, reader.source) for text in reader.texts("sizes", ("320x180",)))
-    twice = [size for index, size in enumerate(sizes) if size in sizes[:index]]
-    if twice:
-        width, height = twice[0]
-        raise UsageError(f"{reader.source}: sizes has {width}x{height} twice")
-    return sizes
-
-
-def _size(text: str, source: str) -> Size:
-    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
-    if min(size) < 1:
-        raise UsageError(f"{source}: sizes must be like '320x180', not '{text}'")
-    return size
+def _what(error: Any) -> str:
+    """Say what is wrong with a key, as pydantic describes it."""
+    key, place = error["loc"][-1], error["loc"][0]
+    match error["type"]:
+        case "missing":
+            return f"'{key}' is missing"
+        case "unexpected_keyword_argument":
+            owner = Study if key == place else _TABLES[place]
+            known = ", ".join(field.name for field in fields(owner))
+            return f"unknown key '{key}'; known are {known}"
+        case "value_error":
+            return str(error["ctx"]["error"])
+        case "literal_error":
+            return f"{key} must be {error['ctx']['expected']}, not {error['input']!r}"
+        case kind if kind == KIND:
+            return f"{key} {error['msg']}"
+    return f"{key} must be a table, not {error['input']!r}"

@@ -6,6 +6,7 @@ from ..config.study import Size
 from ..runs.software import notes_on_software
 from ..store.folder import StudyFolder
 from ..store.reference import load_reference, notes_on_reference
+from .asked import probes_of
 from .derived import with_derived
 from .results import Measured
 
@@ -17,7 +18,7 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
     for name in study.variants:
         loaded = [folder.load_run(size, name, index) for index in range(study.runs)]
         runs[name] = [run for run in loaded if run is not None]
-        for probe in study.probes():
+        for probe in probes_of(study):
             answers = [folder.load_probe(size, name, probe, i) for i in range(study.probe_runs)]
             probes[name, probe] = [answer for answer in answers if answer is not None]
     reference = load_reference(folder, size)

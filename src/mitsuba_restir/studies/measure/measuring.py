@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from ...errors import RenderError
 from ..config.study import Study
+from .asked import shows_images
 from .quantities import QUANTITIES
 from .results import Measured, Number, Refused, Row
 from .rows import lone, make_row
@@ -26,23 +28,23 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
     Raises
     ------
     RenderError
-        An image holds values that are not finite, or a package is missing.
+        An image holds values that are not finite.
     """
     rows: list[Row] = [
         make_row(data, name, _BLUR, lone(sigma)) for name, sigma in data.blurs.items()
     ]
     notes: list[str] = []
-    if study.shows_images():
+    if shows_images(study):
         data = replace(data, runs={name: runs for name, runs in data.runs.items() if runs})
     try:
-        if study.shows_images() and not data.runs.get(data.baseline):
+        if shows_images(study) and not data.runs.get(data.baseline):
             raise ValueError(f"the baseline '{data.baseline}' has no finished run")
         for name in study.quantities:
-            found = list(QUANTITIES[name].rows(data))
+            found = list(_rows(name, data))
             # Quantities yield all rows of a variant; readers compare variants of a quantity.
             rows += [row for row in found if isinstance(row, Row)]
             notes += [refused.reason for refused in found if isinstance(refused, Refused)]
-    except (ValueError, ImportError) as error:
+    except ValueError as error:
         raise RenderError(f"{study.name} at {data.size} cannot be measured: {error}") from error
     # Two quantities may share numbers: the first to be asked for has them.
     once = {(row.quantity, row.variant): row for row in reversed(rows)}
@@ -51,3 +53,11 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
     return sorted(
         once.values(), key=lambda row: (order.index(row.quantity), variants.index(row.variant))
     ), notes
+
+
+def _rows(name: str, data: Measured) -> Iterator[Row | Refused]:
+    """Yield the rows of a quantity, and a refusal for those that need a package that is missing."""
+    try:
+        yield from QUANTITIES[name].rows(data)
+    except ImportError as error:
+        yield Refused(f"{name} at {data.size} is not given in full: {error}")

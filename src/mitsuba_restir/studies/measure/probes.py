@@ -1,53 +1,24 @@
-"""Probes: frames rendered once more with auxiliary images, for what no run of a study keeps.
+"""Probes: what frames with auxiliary images say, which no run of a study keeps.
 
-They are what `restir_pt` says of its frames, whose paths pixels share, and spectra of mutations.
+What `restir_pt` says of its frames, the paths that pixels share, and spectra of mutations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ...analysis.duplication import duplicated_share
 from ..config.study import Size, Study
-from ..runs.rendering import load_scene, make_renderer, seed_of
+from ..runs.probing import probed_frames
 from ..runs.results import ReferenceImage
 from . import mutation_spectra
 
-KEY = 3
-"""What seeds of probes are derived from, beside the study's."""
-
-REHEARSAL = 3
-"""Frames of history that there are at least: the first three compile and record."""
-
-Tensor = npt.NDArray[Any]
 LoadReference = Callable[[], ReferenceImage | None]
 Probe = Callable[[Study, Size, str, int, LoadReference], Mapping[str, float]]
 """Measures (study, size, name of the variant, number of the run, what loads the reference)."""
-
-
-def _frames(
-    study: Study, size: Size, name: str, index: int, aovs: str
-) -> Iterator[tuple[Tensor, Mapping[str, Any]]]:
-    """Render the measured frames of a run with all channels; yield each with its statistics."""
-    variant = study.variants[name]
-    if variant.type != "restir_pt":
-        return
-    variant = replace(variant, parameters={**variant.parameters, "aovs": aovs})
-    renderer = make_renderer(study, load_scene(study), size, name, variant)
-    assert renderer.statistics is not None
-    warmup = max(study.warmup, REHEARSAL)
-    last = warmup + study.frames - 1
-    for frame in range(last + 1):
-        if renderer.place is not None:
-            renderer.place(last - frame)
-        tensor = np.array(renderer.draw(seed_of(study.seed, KEY, index, frame)))
-        if frame >= warmup:
-            yield tensor, renderer.statistics()
 
 
 def _mean(frames: list[dict[str, float]]) -> dict[str, float]:
@@ -69,7 +40,7 @@ def _statistics(
                     stages, np.moveaxis(tensor[..., -3:].astype(np.int64), -1, 0), strict=True
                 )
             }
-            for tensor, numbers in _frames(study, size, name, index, "path")
+            for tensor, numbers in probed_frames(study, size, name, index, "path")
         ]
     )
 
@@ -90,7 +61,7 @@ def _mutation_spectra(
     """Spectra before and after spatial reuse."""
     reference = load_reference()
     assert reference is not None
-    frames = _frames(study, size, name, index, mutation_spectra.CHANNELS)
+    frames = probed_frames(study, size, name, index, mutation_spectra.CHANNELS)
     return _mean([mutation_spectra.numbers(tensor, reference) for tensor, _ in frames])
 
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ... import scenes
 from ...errors import UsageError, one_line
 from ..config.study import Crop, Size, Study, Variant
 from .motion import make_place
@@ -88,62 +85,6 @@ class Renderer:
 def seed_of(study_seed: int, *key: int) -> int:
     """Return the 32-bit seed of a frame; different keys give independent seeds."""
     return int(np.random.SeedSequence(study_seed, spawn_key=key).generate_state(1)[0])
-
-
-def expand(path: str) -> str:
-    """
-    Put environment variables into a path.
-
-    Raises
-    ------
-    UsageError
-        One is not set.
-    """
-    expanded = os.path.expandvars(path)
-    if "$" in expanded:
-        raise UsageError(f"'{path}': set the environment variable that it refers to")
-    return expanded
-
-
-def scene_file(study: Study) -> Path:
-    """
-    Return the file of a scene that is not embedded.
-
-    Raises
-    ------
-    UsageError
-        There is none.
-    """
-    path = Path(expand(study.scene))
-    if not path.is_file():
-        raise UsageError(
-            f"{study.name}: the scene '{path}' is neither a file nor an embedded scene "
-            f"({', '.join(scenes.names())})"
-        )
-    return path
-
-
-def load_scene(study: Study) -> Any:
-    """
-    Load the study's scene in the study's Mitsuba variant, which becomes the current one.
-
-    Raises
-    ------
-    UsageError
-        The variant, the scene or its file do not exist, or the file is broken.
-    """
-    try:
-        mi.set_variant(study.mitsuba_variant)
-    except ImportError as error:
-        raise UsageError(f"{study.name}: mitsuba_variant: {one_line(error)}") from error
-    if study.scene in scenes.names():
-        return scenes.load(study.scene)
-    path = scene_file(study)
-    try:
-        # Merging shapes would change which reservoirs' vertices share a shape index.
-        return mi.load_file(str(path), optimize=False)
-    except (RuntimeError, ValueError) as error:
-        raise UsageError(f"{path} cannot be loaded: {one_line(error)}") from error
 
 
 def make_sensor(study: Study, scene: Any, size: Size) -> Any:

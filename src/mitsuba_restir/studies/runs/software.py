@@ -11,9 +11,8 @@ from pathlib import Path
 from ... import __version__, llvm
 from .results import Run
 
-# What the images come from: folders of this package, and modules of the studies.
-_SOURCES = ("integrators", "passes", "paths", "resampling", "sampling", "shifts")
-_MODULES = ("studies/runs/motion.py", "studies/runs/rendering.py", "studies/runs/turns.py")
+# What the images come from: folders of this package.
+_SOURCES = ("integrators", "passes", "paths", "resampling", "sampling", "shifts", "studies/runs")
 
 
 @cache
@@ -22,7 +21,7 @@ def software() -> str:
     package = Path(__file__).parents[2]
     digest = hashlib.sha256()
     files = [file for folder in _SOURCES for file in (package / folder).rglob("*.py")]
-    for file in sorted([*files, *(package / module for module in _MODULES)]):
+    for file in sorted(files):
         digest.update(file.relative_to(package).as_posix().encode())
         digest.update(file.read_bytes())
     others = [f"{name} {metadata.version(name)}" for name in ("mitsuba", "drjit")]

@@ -13,10 +13,10 @@ import numpy as np
 from ...errors import UsageError
 from ..config.study import Size, Study
 from ..config.tables import from_table
-from ..store.cache import scene_digest
 from ..store.reference import REHEARSAL_KEY, RUN_KEY
-from .rendering import Renderer, load_scene, make_renderer, seed_of
+from .rendering import Renderer, make_renderer, seed_of
 from .results import Image, Run
+from .scene import load_scene, scene_digest
 from .software import software
 
 # The first frame compiles kernels, the second those of a frame with history.

@@ -10,26 +10,22 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from filelock import FileLock
 
 from ...errors import UsageError, one_line
 from ...imageio import write_atomically
 from ..config.files import dump_study, load_study
 from ..config.study import Size, Study
-from ..measure.quantities import QUANTITIES
+from ..runs.probing import REFERENCED
 from ..runs.results import Image, Run
+from ..runs.scene import scene_digest
 from .arrays import Stored, load_arrays, make_folder, save_arrays
-from .cache import (
-    reference_digest,
-    reference_folder,
-    reference_key,
-    remove_leftovers,
-    scene_digest,
-)
 from .environment import environment
 from .lock import FILE as LOCK
-from .lock import FolderLock
+from .lock import lock_folder
 from .provenance import FILE as PROVENANCE
 from .provenance import differences, digest_of, entry, read_history, usable_digests
+from .references import reference_digest, reference_folder, reference_key, remove_leftovers
 
 
 class StudyFolder:
@@ -64,7 +60,7 @@ class StudyFolder:
         self.scene = scene_digest(study)
         self.refused: list[str] = []
         self._references: dict[Size, tuple[Path, str]] = {}
-        self._lock: FolderLock | None = None
+        self._lock: FileLock | None = None
         config = path / "config.toml"
         self._history = entry(study)
         try:
@@ -92,7 +88,7 @@ class StudyFolder:
         except OSError as error:
             raise UsageError(f"cannot make {self.path}: {error.strerror}") from error
         if self._lock is None:
-            self._lock = FolderLock(self.path)
+            self._lock = lock_folder(self.path)
         for leftover in self.path.rglob(".*.partial"):
             leftover.unlink()
         remove_leftovers()
@@ -219,7 +215,7 @@ class StudyFolder:
 
     def _reference_of(self, probe: str) -> str:
         """Return the key of the reference that a probe's answers depend on, if they do."""
-        return self._reference_key if QUANTITIES[probe].needs_reference else ""
+        return self._reference_key if probe in REFERENCED else ""
 
     @cached_property
     def _reference_key(self) -> str:

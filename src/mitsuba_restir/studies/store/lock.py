@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from ...errors import RenderError, UsageError
 
 FILE = ".lock"
 
 
-class FolderLock:
+def lock_folder(folder: Path) -> FileLock:
     """
-    An exclusive lock on a folder that exists.
-
-    Parameters
-    ----------
-    folder : Path
+    Lock a folder that exists until the lock is released; its file stays.
 
     Raises
     ------
@@ -25,31 +22,13 @@ class FolderLock:
     RenderError
         The folder cannot be written to.
     """
-
-    def __init__(self, folder: Path) -> None:
-        try:
-            self._handle = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o666)
-        except OSError as error:
-            raise RenderError(f"cannot write to {folder}: {error.strerror}") from error
-        try:
-            _lock(self._handle)
-        except OSError as error:
-            os.close(self._handle)
-            raise UsageError(
-                f"{folder} is in use by another process: wait for it, or choose another folder"
-            ) from error
-
-    def release(self) -> None:
-        """Give the folder free; the file stays, since another process may already wait for it."""
-        os.close(self._handle)
-
-
-def _lock(handle: int) -> None:
+    lock = FileLock(folder / FILE, timeout=0)
     try:
-        import fcntl
-    except ImportError:
-        import msvcrt
-
-        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-    else:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock.acquire()
+    except Timeout as error:
+        raise UsageError(
+            f"{folder} is in use by another process: wait for it, or choose another folder"
+        ) from error
+    except OSError as error:
+        raise RenderError(f"cannot write to {folder}: {error.strerror}") from error
+    return lock

@@ -14,8 +14,9 @@ from ...errors import UsageError
 from ...imageio import read_rgb
 from ..config.study import REFERENCE, Reference, Size, Study, Variant
 from ..runs.batches import LEAST_BATCHES, BatchMean
-from ..runs.rendering import expand, make_renderer, seed_of
+from ..runs.rendering import make_renderer, seed_of
 from ..runs.results import ReferenceImage
+from ..runs.scene import expand
 from .folder import StudyFolder
 
 # First entries of the seed keys: references share no random numbers with runs.
