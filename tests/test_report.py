@@ -21,7 +21,7 @@ from scipy import ndimage
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.store.reference as reference_module
 from mitsuba_restir import cache
-from mitsuba_restir.analysis.covariance_images import lag_covariance
+from mitsuba_restir.analysis.covariance_images import lag_products
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.intervals import Interval
 from mitsuba_restir.errors import UsageError
@@ -165,6 +165,10 @@ def test_the_map_of_bias_is_as_quiet_as_it_says_with_few_runs() -> None:
     scores = block_scores(runs["a"], ReferenceImage(truth, np.zeros_like(truth)))
     assert np.mean(np.abs(scores) > 2.0) == pytest.approx(0.046, abs=0.02)
     assert np.std(scores) == pytest.approx(1.0, abs=0.1)
+
+
+def lag_covariance(runs: np.ndarray, reference: np.ndarray, *, radius: int) -> np.ndarray:
+    return lag_products(runs, reference, radius=radius).sum(axis=0) / (len(runs) - 1)
 
 
 def _white_and_blurred() -> Measured:

@@ -120,7 +120,7 @@ def _fake_probe(
     return {
         "peak": 1e6 + 500.0 * size[0] * size[1] + index,
         "number": float(index),
-        "duplicated paths": 0.5,
+        "duplicated paths r=8, after mutations": 0.5,
     }
 
 
@@ -395,7 +395,7 @@ def test_quantities_that_share_numbers_give_them_once(
     only = run_study(
         load_study(str(tmp_path / "small.toml"), ['quantities=["duplication"]']), tmp_path / "out"
     )
-    assert {row.quantity for row in only.rows} == {"duplicated paths"}
+    assert {row.quantity for row in only.rows} == {"duplicated paths r=8, after mutations"}
     assert only.rows[1].ratio is not None
     assert only.rows[1].ratio.value == 1.0
     assert only.rows[1].p_value == 1.0
@@ -498,7 +498,7 @@ def test_a_probe_with_another_reference_is_asked_again(
     study: Study, tmp_path: Path, log: list[tuple[str, int]]
 ) -> None:
     own = StudyFolder(tmp_path / "out", study)
-    for probe in ("mutation_spectra", "rays"):
+    for probe in ("mutation_spectra", "statistics"):
         own.save_probe((24, 16), "plain", probe, 0, {"number": 1.0})
         assert own.load_probe((24, 16), "plain", probe, 0) == {"number": 1.0}
     own.claim()
@@ -506,7 +506,7 @@ def test_a_probe_with_another_reference_is_asked_again(
     surer = replace(study, reference=replace(study.reference, spp=128))
     other = StudyFolder(tmp_path / "out", surer)
     assert other.load_probe((24, 16), "plain", "mutation_spectra", 0) is None
-    assert other.load_probe((24, 16), "plain", "rays", 0) == {"number": 1.0}
+    assert other.load_probe((24, 16), "plain", "statistics", 0) == {"number": 1.0}
     assert "another reference" in other.refused[0]
 
 

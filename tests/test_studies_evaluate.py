@@ -129,7 +129,7 @@ def test_variants_can_be_left_out() -> None:
     with pytest.raises(UsageError, match="no variant 'pth' to leave out: there are path"):
         without(load_study("core_time"), ["pth"])
     with pytest.raises(UsageError, match="no variant is left"):
-        without(load_study("core_memory"), ["path", "frame"])
+        without(load_study("core_equal_time"), ["path", "restir"])
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mitsuba_restir.analysis import relative_covariance, spectrum
+from mitsuba_restir.analysis import run_products, spectrum
 from mitsuba_restir.studies.measure.frame_errors import (
     filtered_mse,
     mean_square,
@@ -93,7 +93,7 @@ def test_covariance_is_that_between_runs_at_equal_frames() -> None:
     # Frames of a run have a common error: between runs it is noise like any other.
     images += 0.1 * rng.standard_normal((6, 1, *SHAPE))
     rows = _rows("covariance", _data({"a": _grey(images)}, reference))
-    single = [relative_covariance(images[:, t], reference.image).covariance.value for t in range(3)]
+    single = [run_products([images[:, t]], reference.image).covariance.value for t in range(3)]
     found = rows["a", "relative covariance r=8"].value
     assert found.value == pytest.approx(np.mean(single), rel=1e-4)
     assert found.low < found.value < found.high

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from scipy import ndimage, stats
 
 from .bias_report import BiasReport, BiasTest
-from .images import FloatArray, finite
+from .images import FloatArray, finite, variance_like
 from .power import detectable_error, sidak
 from .units import batch_means, block_sums
 
@@ -145,18 +145,11 @@ def _operands(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     r = finite(reference, "The reference", (2, 3))
     x = finite(runs, "The stack of runs", (3, 4))
-    variance = finite(reference_variance, "The reference variance", (0, 2, 3))
     if x.shape[1:] != r.shape:
         raise ValueError(f"Runs have shape {x.shape[1:]} but the reference has {r.shape}.")
     if x.shape[0] < 2:
         raise ValueError("A test needs at least 2 independent runs.")
-    if variance.ndim and variance.shape != r.shape:
-        raise ValueError(
-            f"The reference variance has shape {variance.shape} but the reference has {r.shape}."
-        )
-    if np.any(variance < 0.0):
-        raise ValueError("The reference variance has negative values.")
-    variance = np.broadcast_to(variance, r.shape)
+    variance = np.broadcast_to(variance_like(reference_variance, r.shape), r.shape)
     if r.ndim == 2:
         x, r, variance = x[..., None], r[..., None], variance[..., None]
     return x, r, variance

@@ -12,10 +12,10 @@ from .config.study import Size, Study
 from .config.tables import to_table
 from .measure.asked import check_quantities, probes_of, shows_images
 from .measure.loading import load_size
-from .measure.measuring import measure_across, measure_size
+from .measure.measuring import measure_size
+from .measure.probes import PROBES
 from .measure.results import Row
 from .measure.table import Table
-from .runs.probes import PROBES
 from .runs.reference import read_reference
 from .runs.rendering import Renderer, make_renderer
 from .runs.scene import load_scene
@@ -88,7 +88,6 @@ def measure(folder: StudyFolder) -> Table:
         found, refused = measure_size(study, data)
         rows += found
         notes += refused
-    rows += measure_across(study, sizes)
     table = Table(rows, tuple(dict.fromkeys(notes)), study.published)
     folder.write("results.csv", table.csv().encode())
     folder.write("results.json", table.json().encode())

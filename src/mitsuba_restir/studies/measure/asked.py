@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ...errors import UsageError
 from ..config.study import Study
-from .quantities import QUANTITIES
+from .quantities import QUANTITIES, unknown_quantity
 
 
 def check_quantities(study: Study) -> None:
@@ -20,8 +20,7 @@ def check_quantities(study: Study) -> None:
     """
     for name in study.quantities:
         if name not in QUANTITIES:
-            known = ", ".join(QUANTITIES)
-            raise UsageError(f"{study.name}: unknown quantity '{name}'; there are {known}")
+            raise UsageError(f"{study.name}: {unknown_quantity(name)}")
         for lack in _lacks(study, name):
             raise UsageError(f"{study.name}: '{name}' {lack}")
 

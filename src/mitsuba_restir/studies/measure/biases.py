@@ -12,11 +12,12 @@ from ...analysis import intervals, metrics
 from ...analysis.bias import BiasTest, mean_test
 from ...analysis.images import FloatArray, luminance
 from ...analysis.intervals import Interval
-from ...analysis.pixel_bias import mean_bias, pixel_bias_jackknife
+from ...analysis.pixel_bias import mean_bias, squared_pixel_bias
 from ..runs.results import ReferenceImage, Run
-from .noise import refusal, relative, shares
-from .results import Measured, Refused, Row
-from .scalars import lone, make_row, means_of, per_run, reference_of
+from .errors import means_of
+from .noise import relative, shares
+from .results import Measured, Number, Refused, Row
+from .rows import lone, make_row, per_run, reference_of, unless_noisy
 
 BLOCK = 8
 _LEVEL = 0.05
@@ -24,33 +25,26 @@ LEAST_RUNS = 4
 """From fewer, no block could be told to be off."""
 
 
-def mean_ratios(data: Measured) -> Iterator[Row]:
+def mean_ratios(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
     """Mean luminance of all frames over the reference's, whose error is in the interval."""
+    (number,) = numbers
     reference = reference_of(data).unsmoothed
-    rows = per_run(
-        data, "mean ratio", "", lambda run: metrics.mean_ratio(run.mean, reference.image)
-    )
+    rows = per_run(data, number, lambda run: metrics.mean_ratio(run.mean, reference.image))
     for row in rows:
         total = float(np.sqrt(reference.luminance_variance.sum()))
         error = row.value.value * total / float(reference.luminance.sum())
         yield replace(row, value=intervals.with_known_error(row.value, row.runs, error))
 
 
-def paired_mean(data: Measured) -> Iterator[Row]:
+def paired_mean(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
     """Relative difference of mean luminance from the baseline, over the same runs."""
+    (number,) = numbers
     for name, runs in data.runs.items():
         if partner := data.partner(name):
             own, base = _means(runs), _means(data.runs[partner])
             means = (images.mean(axis=(1, 2)) for images in (own, base))
-            yield make_row(
-                data,
-                name,
-                "mean against the baseline, minus 1",
-                "",
-                mean_bias(own, base),
-                None,
-                p_value=intervals.paired_difference(*means).p_value,
-            )
+            p_value = intervals.sign_flip_p_value(*means)
+            yield make_row(data, name, number, mean_bias(own, base), None, p_value)
 
 
 def block_test(runs: Sequence[Run], reference: ReferenceImage) -> BiasTest:
@@ -67,55 +61,48 @@ def block_scores(runs: Sequence[Run], reference: ReferenceImage) -> FloatArray:
     return np.asarray((np.sign(test.statistic) * scores)[..., 0])
 
 
-def block_biases(data: Measured) -> Iterator[Row]:
+def block_biases(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
     """
     Blocks of pixels whose mean luminance differs from the reference's, and a test of all together.
 
     Of blocks without a bias 5 % differ. The p-value of all, a row of its own, is that of the most
     different block, corrected for their number: heavy tails make it small as well.
     """
+    share, p_value = numbers
     reference = reference_of(data)
     for name, runs in data.runs.items():
         if len(runs) < LEAST_RUNS:
             continue
         test = block_test(runs, reference)
-        share = float(np.mean(test.p_values < _LEVEL))
-        title = f"blocks of {BLOCK} pixels off the reference"
-        yield make_row(data, name, f"{title}, 5 % by chance", "", lone(share), None)
-        yield make_row(data, name, f"{title}, p of no bias", "", lone(test.p_value), None)
+        yield make_row(data, name, share, lone(float(np.mean(test.p_values < _LEVEL))))
+        yield make_row(data, name, p_value, lone(test.p_value))
 
 
-def pixel_biases(data: Measured) -> Iterator[Row | Refused]:
+def pixel_biases(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refused]:
     """
     Root mean square of the relative bias of single pixels, by products of independent runs.
 
     Against the reference, whose own error is subtracted, and (where the baseline is unbiased, far
     more surely) against the baseline on the same frames.
     """
+    found = shares(data, means_of(data), relative)
+    yield from unless_noisy(data, numbers[0].name, found, _pixel_biases(data, *numbers))
+
+
+def _pixel_biases(data: Measured, plain: Number, against_baseline: Number) -> Iterator[Row]:
     reference = reference_of(data)
-    if refused := refusal(data.size, "rms pixel bias", shares(data, means_of(data), relative)):
-        yield refused
-        return
     truth, variance = reference.luminance, reference.luminance_variance
     means = {name: _means(runs) for name, runs in data.runs.items() if len(runs) > 1}
-    found = {name: pixel_bias_jackknife(own, truth, variance) for name, own in means.items()}
+    found = {name: squared_pixel_bias(own, truth, variance) for name, own in means.items()}
     for name, own in found.items():
-        value = _root(own.interval())
         partner = data.partner(name)
         p_value = own.minus(found[partner]).p_value() if partner else None
-        yield make_row(data, name, "rms pixel bias", "", value, None, p_value=p_value)
+        yield make_row(data, name, plain, _root(own.interval()), None, p_value)
         if partner:
             # The squared bias of the difference: what both have of the reference cancels.
-            paired = pixel_bias_jackknife(means[name] - means[partner] + truth, truth)
-            yield make_row(
-                data,
-                name,
-                "rms pixel bias against the baseline",
-                "",
-                _root(paired.interval()),
-                None,
-                p_value=paired.p_value(),
-            )
+            paired = squared_pixel_bias(means[name] - means[partner] + truth, truth)
+            root = _root(paired.interval())
+            yield make_row(data, name, against_baseline, root, None, paired.p_value())
 
 
 def _means(runs: Sequence[Run]) -> FloatArray:

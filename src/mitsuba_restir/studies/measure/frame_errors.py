@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...analysis import perceptual, spectrum
+from ...analysis import metrics, spectrum
 from ...analysis.images import FloatArray, luminance
 from ..runs.results import Image, ReferenceImage, Run
 from .results import Measured
@@ -73,7 +73,7 @@ def mean_square(frames: Image, reference: ReferenceImage, clip: float | None) ->
 def filtered_mse(frames: Image, reference: ReferenceImage) -> float:
     """Mean square of the clipped relative error seen through a Gaussian of 1.5 pixels."""
     errors = relative_errors(frames, reference, CLIP)
-    return perceptual.filtered_mse(errors, SIGMA) - filtered_noise(reference)
+    return metrics.filtered_mse(errors, SIGMA) - filtered_noise(reference)
 
 
 def filtered_noise(reference: ReferenceImage) -> float:

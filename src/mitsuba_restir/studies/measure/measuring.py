@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 from ...errors import RenderError
 from ..config.study import Study
 from .asked import shows_images
 from .quantities import QUANTITIES
-from .results import Measured, Refused, Row
-from .scalars import lone
+from .results import Measured, Number, Refused, Row
+from .rows import lone, make_row
+
+_BLUR = Number("Gaussian of the blur", "px")
 
 
 def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
@@ -29,8 +31,7 @@ def measure_size(study: Study, data: Measured) -> tuple[list[Row], list[str]]:
         An image holds values that are not finite.
     """
     rows: list[Row] = [
-        Row(data.size, name, "Gaussian of the blur", "px", lone(sigma), None, len(data.runs[name]))
-        for name, sigma in data.blurs.items()
+        make_row(data, name, _BLUR, lone(sigma)) for name, sigma in data.blurs.items()
     ]
     notes: list[str] = []
     if shows_images(study):
@@ -60,9 +61,3 @@ def _rows(name: str, data: Measured) -> Iterator[Row | Refused]:
         yield from QUANTITIES[name].rows(data)
     except ImportError as error:
         yield Refused(f"{name} at {data.size} is not given in full: {error}")
-
-
-def measure_across(study: Study, sizes: Sequence[Measured]) -> list[Row]:
-    """Measure what follows from all sizes together."""
-    found = [QUANTITIES[name].across for name in study.quantities]
-    return [row for across in found if across is not None for row in across(sizes)]

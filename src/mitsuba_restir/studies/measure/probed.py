@@ -1,101 +1,66 @@
-"""Quantities that probes measure: kernels, shifts, rays, memory and the first frame."""
+"""Quantities that probes measure: what `restir_pt` says of its frames, and what mutations do."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ...analysis import intervals
 from ...analysis.images import FloatArray
 from .mutation_spectra import SHARE
-from .noise import refusal
-from .results import Measured, Refused, Row
-from .scalars import lone, make_row
+from .results import Measured, Number, Refused, Row, Rows
+from .rows import interval_of, make_row, ratio_of, unless_noisy
 
 
-def of_probe(
-    probe: str,
-    units: Mapping[str, str] | None = None,
-    compared: bool = False,
-    only: str = "",
-) -> Callable[[Measured], Iterator[Row]]:
+def of_probe(probe: str, compared: bool = False) -> Rows:
     """
-    Make a quantity of everything that a probe says: mean over runs.
+    Make a quantity of what a probe says: mean over runs.
+
+    Its numbers are those that are declared; everything that the probe says, where none are.
 
     Parameters
     ----------
     probe : str
         Name of the probe.
-    units : mapping of str to str, optional
-        Unit by the beginning of a number's name.
     compared : bool
         Give ratios to the baseline too, run by run.
-    only : str
-        Beginning of the names that are wanted.
     """
 
-    def rows(data: Measured) -> Iterator[Row]:
+    def rows(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
         for variant in data.variants:
+            baseline = data.baselines.get(variant, data.baseline)
             answers = data.probed(variant, probe)
-            names = dict.fromkeys(n for answer in answers for n in answer if n.startswith(only))
-            for name in names:
-                values = np.array([answer[name] for answer in answers if name in answer])
-                value = intervals.mean_interval(values) if values.size > 1 else lone(values[0])
-                unit = next((u for start, u in (units or {}).items() if name.startswith(start)), "")
+            names = dict.fromkeys(name for answer in answers for name in answer)
+            for number in numbers or map(Number, names):
+                values = _values(data, variant, probe, number.name)
+                if not values.size:
+                    continue
                 ratio, p_value = None, None
-                if compared and (others := _of_baseline(data, variant, probe, name, values)):
-                    p_value = intervals.paired_difference(values, others).p_value
+                others = _values(data, baseline, probe, number.name)
+                if compared and baseline != variant and others.size == values.size > 1:
+                    p_value = intervals.sign_flip_p_value(values, others)
                     if min(*others, *values) > 0.0:
-                        ratio = intervals.ratio_interval(values, others)
-                yield make_row(data, variant, name, unit, value, ratio, len(values), p_value)
+                        ratio = ratio_of(values, others)
+                row = make_row(data, variant, number, interval_of(values), ratio, p_value)
+                yield replace(row, runs=values.size)
 
     return rows
 
 
-def mutation_spectra(data: Measured) -> Iterator[Row | Refused]:
+def _values(data: Measured, variant: str, probe: str, name: str) -> FloatArray:
+    """Return a number of every run that has it, (K,)."""
+    answers = data.probed(variant, probe)
+    return np.array([answer[name] for answer in answers if name in answer])
+
+
+def mutation_spectra(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refused]:
     """Everything that this probe says, where the reference is sure enough for its powers."""
     probe = "mutation_spectra"
     shares = {
         variant: max((answer.get(SHARE, 0.0) for answer in data.probed(variant, probe)), default=0)
         for variant in data.variants
     }
-    if refused := refusal(data.size, "spectra of mutations", shares):
-        yield refused
-        return
-    yield from of_probe(probe, compared=True)(data)
-
-
-def _of_baseline(
-    data: Measured, variant: str, probe: str, name: str, values: FloatArray
-) -> list[float]:
-    """Return a number of the baseline's same runs; empty where there are none to compare."""
-    baseline = data.baselines.get(variant, data.baseline)
-    others = [answer[name] for answer in data.probed(baseline, probe) if name in answer]
-    return others if baseline != variant and len(others) == len(values) > 1 else []
-
-
-def memory_slopes(sizes: Sequence[Measured]) -> Iterator[Row]:
-    """
-    Peak bytes per pixel: slope of a straight line through the sizes, run by run.
-
-    The slope leaves out what does not grow with the image, such as scene and kernels. Dr.Jit rounds
-    every array to a power of two, so that sizes which are none measure the rounding as well.
-    """
-    pixels = np.array([data.pixels for data in sizes], dtype=np.float64)
-    if len(sizes) < 2:
-        return
-    first = sizes[0]
-    for variant in first.variants:
-        answers = [data.probed(variant, "memory") for data in sizes]
-        runs = min(len(answer) for answer in answers)
-        for name, label in (
-            ("peak", "slope of the peak, Dr.Jit's memory"),
-            ("peak resident", "slope of the peak, resident memory"),
-        ):
-            if runs == 0 or any(name not in a for answer in answers for a in answer):
-                continue
-            peaks = np.array([[answer[run][name] for answer in answers] for run in range(runs)])
-            slopes = np.polyfit(pixels, peaks.T, 1)[0]
-            value = intervals.mean_interval(slopes) if runs > 1 else lone(float(slopes[0]))
-            yield Row("all", variant, label, "B/pixel", value, None, runs)
+    rows = of_probe(probe, compared=True)(data, numbers)
+    yield from unless_noisy(data, "spectra of mutations", shares, rows)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...analysis.intervals import Interval
-from ..runs.results import ReferenceImage, Run
+from ..runs.results import Image, ReferenceImage, Run
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,42 @@ class Measured:
 
 
 @dataclass(frozen=True)
+class Number:
+    """
+    One number that a quantity gives, and how it is shown.
+
+    Fields
+    ------
+    name, unit : str
+        In tables, CSV and figures.
+    heading : str
+        Of its column in the headline table; it has none where this is empty.
+    better : str
+        "less" or "more"; empty where neither is, and the number is a share, shown in per cent.
+    yields_to : str
+        Name of the number beside which it needs no column.
+    chart : bool
+        It has a chart of its own.
+    caption : str
+        Name under the pictures of a variant; of those that a study has, the last declared is shown.
+    keeps_part : bool
+        A part of the reference's own noise stays in it.
+    keeps_all : callable or None
+        Where all of that noise stays in it, what measures it.
+    """
+
+    name: str
+    unit: str = ""
+    heading: str = ""
+    better: str = "less"
+    yields_to: str = ""
+    chart: bool = False
+    caption: str = ""
+    keeps_part: bool = False
+    keeps_all: Measure | None = None
+
+
+@dataclass(frozen=True)
 class Refused:
     """
     What was asked for and cannot be given.
@@ -111,3 +147,10 @@ class Row:
     ratio: Interval | None
     runs: int
     p_value: float | None = None
+
+
+Measure = Callable[[Measured, Image, ReferenceImage], float]
+"""Measures a frame (H, W, 3)."""
+
+Rows = Callable[[Measured, Sequence[Number]], Iterator[Row | Refused]]
+"""Measures the numbers of a quantity of every variant, or refuses to."""

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from ...analysis import spectrum
 from ...analysis.covariance_images import lag_products
 from ...analysis.images import FloatArray, luminance
+from ..measure.errors import relmse
 from ..measure.frame_errors import CLIP, frames_of
 from ..measure.noise import refusal, shares, trimmed
 from ..measure.results import Measured, Refused
-from ..measure.scalars import relmse
 from ..runs.results import ReferenceImage, Run
 
 Values = npt.NDArray[np.float64]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ..measure.quantities import NUMBERS
 from ..measure.results import Measured, Row
 from . import figures
 from .colours import line_colours
@@ -13,22 +14,6 @@ from .curves import Curve, Lags, Radial
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # type: ignore[import-not-found, unused-ignore]
-
-# Quantities with a chart of their own where a study has them.
-_QUANTITIES = (
-    "time of a frame",
-    "RMSE",
-    "RMSE, displayed",
-    "relative RMSE, clipped",
-    "relMSE, trimmed",
-    "relative covariance r=8",
-    "relative covariance r=8, clipped",
-    "power 0.02-0.06",
-    "power 0.06-0.17",
-    "filtered MSE, 1.5 px",
-    "HDR-FLIP",
-    "HDR-FLIP after OIDN",
-)
 
 Write = Callable[[str, bytes], None]
 
@@ -91,7 +76,7 @@ def _figures(data: Measured, rows: Sequence[Row], found: Curves) -> dict[str, tu
             caption = f"Error over {over}: thin, single frames; thick, the average of all so far"
             figure = figures.convergence(found.convergence, over, colours)
             drawn[f"convergence_{over}"] = (caption, figure)
-    for quantity in _QUANTITIES:
+    for quantity in (number.name for number in NUMBERS.values() if number.chart):
         own = [r for r in rows if r.size == data.size and r.quantity == quantity]
         if own:
             key = "".join(c if c.isalnum() else "_" for c in quantity)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ...analysis import metrics
 from ...imageio import Image, encode_exr, encode_png
 from ..config.files import dump_study
 from ..config.study import REFERENCE, Reference, Study
 from ..measure.frame_errors import chain_spectra
 from ..measure.loading import load_size
+from ..measure.quantities import NUMBERS
 from ..measure.results import Measured, Refused, Row
 from ..measure.table import Table
 from ..runs.results import ReferenceImage
@@ -30,20 +29,6 @@ from .spectra import covariances_by_lag, mask_pictures, mutation_pictures, spect
 from .strips import strip
 
 NAME = "report.html"
-
-# The number under a variant's name in the strip, where there is little room: the first of these.
-_CAPTIONS = (
-    ("relative RMSE, clipped", "clipped RMSE"),
-    ("relMSE, trimmed", "relMSE, trimmed"),
-    ("RMSE", "RMSE"),
-    ("time of a frame", "time"),
-)
-
-# What is no squared error keeps all of the reference's.
-_WITH_ALL: Mapping[str, Callable[[ArrayLike, ArrayLike], float]] = {
-    "SMAPE": metrics.smape,
-    "HDR-FLIP": lambda image, reference: metrics.hdr_flip(image, reference).mean,
-}
 
 
 def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
@@ -161,7 +146,7 @@ def _part(
         data.baselines,
         _about_errors(data, {row.quantity for row in rows if row.size == data.size}),
         overview,
-        pictures,
+        {gallery.key: gallery for gallery in pictures},
         drawings,
     )
 
@@ -178,15 +163,17 @@ def _about_errors(data: Measured, quantities: set[str]) -> str:
             f"{median:.2g} % of a pixel's luminance in the median and {worst:.2g} % at the 90th "
             "percentile."
         )
-        if "relMSE, trimmed" in quantities:
-            sentences.append("A part of it stays in “relMSE, trimmed”.")
         perfect = _with_its_noise(reference)
-        sentences += [
-            f"All of it stays in “{name}”: of a perfect image it would be about "
-            f"{measure(perfect, reference.image):.2g}."
-            for name, measure in _WITH_ALL.items()
-            if any(quantity.startswith(name) for quantity in quantities)
-        ]
+        said = set()
+        for number in (n for n in NUMBERS.values() if n.name in quantities):
+            if number.keeps_part:
+                sentences.append(f"A part of it stays in “{number.name}”.")
+            if number.keeps_all and number.keeps_all not in said:
+                said.add(number.keeps_all)
+                sentences.append(
+                    f"All of it stays in “{number.name}”: of a perfect image it would be about "
+                    f"{number.keeps_all(data, perfect, reference):.2g}."
+                )
     if any("clipped" in name for name in quantities):
         sentences.append(
             "What is clipped favours images that are too dark: of errors that are very bright only "
@@ -220,12 +207,13 @@ def _galleries(
 
 
 def _captions(rows: Sequence[Row], size: str) -> dict[str, str]:
-    """Return a number for every variant."""
-    for quantity, label in _CAPTIONS:
-        own = [row for row in rows if row.quantity == quantity and row.size == size]
+    """Return a number for every variant, for where there is little room."""
+    for number in (n for n in reversed(list(NUMBERS.values())) if n.caption):
+        own = [row for row in rows if row.quantity == number.name and row.size == size]
         if own:
             return {
-                row.variant: f"{label} {short(row.value.value)} {row.unit}".rstrip() for row in own
+                row.variant: f"{number.caption} {short(row.value.value)} {row.unit}".rstrip()
+                for row in own
             }
     return {}
 

@@ -16,7 +16,7 @@ from ...errors import UsageError, one_line
 from ...imageio import write_atomically
 from ..config.files import dump_study, load_study
 from ..config.study import Size, Study
-from ..runs.probes import REFERENCED
+from ..runs.probing import REFERENCED
 from ..runs.results import Image, Run
 from ..runs.scene import scene_digest
 from .arrays import Stored, load_arrays, make_folder, save_arrays

@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from ..sampling.georgiev import SIGMA_I
-from .images import FloatArray
-from .spectrum import power_spectrum
+from mitsuba_restir.analysis.images import FloatArray
+from mitsuba_restir.analysis.spectrum import power_spectrum
+from mitsuba_restir.sampling.georgiev import SIGMA_I
 
 Rule = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]
 """A choice: (estimates (k, h, w), mask (h, w) in (0, 1), random numbers) -> shown image (h, w)."""

@@ -1,7 +1,8 @@
-"""Counting the rays that a Python integrator traces, exactly, while it renders."""
+"""Rays per pixel and frame that a Python integrator traces, counted exactly."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,7 +11,29 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from . import harness
+from .task import Task
+
 _NEAREST, _SHADOW = 0, 1
+
+
+def measure(task: Task) -> dict[str, float]:
+    """Measure in this process; empty for integrators whose rays Python does not see."""
+    renderer = task.renderer()
+    if renderer.statistics is None:
+        return {}
+    task.render(renderer, 0, 1)
+    with counted_rays() as counter:
+        task.render(renderer, 1, task.warmup)
+        counter.take()
+        task.render(renderer, task.warmup + 1, task.study.frames)
+        nearest, shadow = counter.take()
+    scale = 1.0 / (task.pixels * task.study.frames)
+    return {
+        "nearest-hit rays": nearest * scale,
+        "shadow rays": shadow * scale,
+        "all rays": (nearest + shadow) * scale,
+    }
 
 
 @dataclass
@@ -100,3 +123,7 @@ def _counting_light_samples(
         return original(self, ref, sample, test_visibility, active)
 
     return method
+
+
+if __name__ == "__main__":
+    sys.exit(harness.main("rays"))
