@@ -742,15 +742,14 @@ def test_no_flipped_byte_is_accepted(tmp_path: Path) -> None:
     for place, byte in enumerate(data):
         file.write_bytes(data[:place] + bytes([byte ^ 0x55]) + data[place + 1 :])
         try:
-            found = load_arrays(file, ("frames",))
+            label, arrays = load_arrays(file)
         except ValueError:
             continue
         # Nobody reads the time stamps and attributes of a ZIP file.
         accepted += 1
-        assert found.label == {"digest": "d"}
-        assert found.left == {"frames": (2,)}
-        assert {name: found.arrays[name].tolist() for name in found.arrays} == {
-            name: array.tolist() for name, array in whole.items()
+        assert label == {"digest": "d"}
+        assert {name: array.tolist() for name, array in arrays.items()} == {
+            name: array.tolist() for name, array in {**whole, "frames": np.ones(2)}.items()
         }
     assert accepted < len(data) / 4
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from filelock import FileLock
 
 from ...errors import UsageError, one_line
@@ -19,7 +18,7 @@ from ..config.study import Size, Study
 from ..runs.probing import REFERENCED
 from ..runs.results import Image, Run
 from ..runs.scene import scene_digest
-from .arrays import Stored, load_arrays, make_folder, save_arrays
+from .arrays import Arrays, load_arrays, make_folder, save_arrays
 from .environment import environment
 from .lock import FILE as LOCK
 from .lock import lock_folder
@@ -93,7 +92,7 @@ class StudyFolder:
             leftover.unlink()
         remove_leftovers()
         self.write(PROVENANCE, (json.dumps(self._history, indent=1) + "\n").encode())
-        write_atomically(self.path / "config.toml", dump_study(self.study))
+        self.write("config.toml", dump_study(self.study))
         self._note_environment()
 
     def __enter__(self) -> StudyFolder:
@@ -157,22 +156,17 @@ class StudyFolder:
         Its single frames stay on the disk until they are asked for.
         """
         path = self._file("runs", size, variant, index)
-        found = self._load(path, partial(self._check, variant, path), size, leave=("frames",))
+        found = self._load(path, partial(self._check, variant, path), size)
         if found is None:
             return None
-        arrays = found.arrays
-        mean = arrays["mean"]
-
-        def frames() -> Image:
-            return load_arrays(path).arrays["frames"]
-
-        load_frames = frames if "frames" in found.left else None
-        session, software = (str(arrays.get(name, "")) for name in ("session", "software"))
-        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames, session, software)
+        load_frames = None if found.pop("frames", None) is None else partial(_frames, path)
+        mean = found["mean"]
+        session, software = (str(found.get(name, "")) for name in ("session", "software"))
+        return Run(found.get("last", mean), mean, found["times"], load_frames, session, software)
 
     def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
         """Write a finished run (RenderError where the disk refuses it)."""
-        arrays: dict[str, npt.NDArray[Any]] = {
+        arrays: Arrays = {
             "mean": run.mean,
             "times": run.times,
             "session": np.array(run.session),
@@ -210,8 +204,7 @@ class StudyFolder:
         content = {**self._label(path), "numbers": dict(numbers)}
         if reference := self._reference_of(probe):
             content["reference"] = reference
-        make_folder(path.parent)
-        write_atomically(path, json.dumps(content).encode())
+        self.write(self._place(path), json.dumps(content).encode())
 
     def _reference_of(self, probe: str) -> str:
         """Return the key of the reference that a probe's answers depend on, if they do."""
@@ -233,7 +226,7 @@ class StudyFolder:
                 raise ValueError("it belongs to another reference or batch")
 
         found = self._load(path, check, size)
-        return None if found is None else found.arrays["mean"]
+        return None if found is None else found["mean"]
 
     def save_batch(self, size: Size, index: int, image: Image) -> None:
         """Write a finished batch of the reference."""
@@ -248,30 +241,32 @@ class StudyFolder:
         return folder / f"{index:04d}.npz", {"digest": digest, "batch": str(index)}
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file of results."""
-        write_atomically(self.path / name, data)
+        """Write a file of results, and the folders that it is in."""
+        path = self.path / name
+        make_folder(path.parent)
+        write_atomically(path, data)
 
     def _place(self, path: Path) -> str:
         return path.relative_to(self.path).as_posix()
 
     def _load(
-        self,
-        path: Path,
-        check: Callable[[Mapping[str, str]], None],
-        size: Size,
-        leave: Collection[str] = (),
-    ) -> Stored | None:
+        self, path: Path, check: Callable[[Mapping[str, str]], None], size: Size
+    ) -> Arrays | None:
         if not path.exists():
             return None
         try:
-            found = load_arrays(path, leave)
-            check(found.label)
-            if found.arrays["mean"].shape != (size[1], size[0], 3):
+            label, arrays = load_arrays(path)
+            check(label)
+            if arrays["mean"].shape != (size[1], size[0], 3):
                 raise ValueError("its image has another size")
         except (ValueError, KeyError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
             return None
-        return found
+        return arrays
+
+
+def _frames(path: Path) -> Image:
+    return load_arrays(path)[1]["frames"]
 
 
 def _is_begun(path: Path) -> bool:

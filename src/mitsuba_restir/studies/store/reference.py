@@ -10,18 +10,16 @@ from ..config.study import REFERENCE, Reference, Size, Study, Variant
 from ..runs.batches import LEAST_BATCHES, BatchMean
 from ..runs.reference import read_reference, smooth
 from ..runs.rendering import ENDLESS, REFERENCE_KEY, make_renderer, seed_of
-from ..runs.results import ReferenceImage
+from ..runs.results import Image, ReferenceImage
 from .folder import StudyFolder
 
 
-def missing_batches(folder: StudyFolder, size: Size) -> list[int]:
-    """Return the numbers of the batches that are still to be rendered, at most."""
+def missing_batches(folder: StudyFolder, size: Size) -> int:
+    """Return how many batches are still to be rendered, at most."""
     reference = folder.study.reference
-    if reference is None or reference.file:
-        return []
-    if _finished(folder, size, reference) is not None:
-        return []
-    return [b for b in range(reference.batches) if folder.load_batch(size, b) is None]
+    if reference is None or reference.file or _mean(folder, size, reference) is not None:
+        return 0
+    return sum(folder.load_batch(size, b) is None for b in range(reference.batches))
 
 
 def _is_enough(mean: BatchMean, asked: Reference) -> bool:
@@ -36,38 +34,38 @@ def _is_enough(mean: BatchMean, asked: Reference) -> bool:
     return 0.0 < asked.noise and mean.count >= LEAST_BATCHES and mean.image().noise <= asked.noise
 
 
-def _finished(folder: StudyFolder, size: Size, reference: Reference) -> ReferenceImage | None:
-    """Return the reference; None where batches that it needs are not there yet."""
+def _mean(
+    folder: StudyFolder,
+    size: Size,
+    reference: Reference,
+    render: Callable[[int], Image] | None = None,
+) -> ReferenceImage | None:
+    """Return the reference; None where a batch that it needs is neither there nor rendered."""
     mean = BatchMean(size)
     while not _is_enough(mean, reference):
         batch = folder.load_batch(size, mean.count)
         if batch is None:
-            return None
+            if render is None:
+                return None
+            batch = render(mean.count)
+            folder.save_batch(size, mean.count, batch)
         mean.add(batch, reference.spp // reference.batches)
     return mean.image()
 
 
-def render_batches(
-    folder: StudyFolder, scene: Any, size: Size, batches: list[int], done: Callable[[], None]
-) -> None:
-    """Render and save those of some batches that are needed, calling `done` for each of them."""
+def render_batches(folder: StudyFolder, scene: Any, size: Size, done: Callable[[], None]) -> None:
+    """Render and save the batches that are needed and not there, calling `done` for each."""
     study = folder.study
     assert study.reference is not None
-    spp = study.reference.spp // study.reference.batches
-    variant = Variant("path", spp, ENDLESS)
+    variant = Variant("path", study.reference.spp // study.reference.batches, ENDLESS)
     renderer = make_renderer(study, scene, size, REFERENCE, variant)
-    mean = BatchMean(size)
-    while not _is_enough(mean, study.reference):
-        index = mean.count
-        image = None if index in batches else folder.load_batch(size, index)
-        if image is None:
-            image, _ = renderer.frame(seed_of(0, REFERENCE_KEY, index))
-            folder.save_batch(size, index, image)
-        mean.add(image, spp)
-        if index in batches:
-            done()
-    for _ in (batch for batch in batches if batch >= mean.count):
+
+    def render(index: int) -> Image:
+        image, _ = renderer.frame(seed_of(0, REFERENCE_KEY, index))
         done()
+        return image
+
+    _mean(folder, size, study.reference, render)
 
 
 def load_reference(folder: StudyFolder, size: Size) -> ReferenceImage | None:
@@ -77,7 +75,7 @@ def load_reference(folder: StudyFolder, size: Size) -> ReferenceImage | None:
         return None
     if reference.file:
         return smooth(read_reference(folder.study), reference.smooth)
-    found = _finished(folder, size, reference)
+    found = _mean(folder, size, reference)
     if found is None:
         raise UsageError(f"{folder.path}: batches of the reference are missing")
     return smooth(found, reference.smooth)
