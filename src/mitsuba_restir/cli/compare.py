@@ -6,8 +6,8 @@ import argparse
 import importlib.resources
 import statistics
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
 from ..studies import Study, Variant, load_study
-from ..studies.config.study import REFERENCE
+from ..studies.config.study import REFERENCE, Size
 from ..studies.measure.noise import excess, shares, trimmed
 from ..studies.measure.results import Measured
 from ..studies.runner import Progress
@@ -46,31 +46,8 @@ SHARED_PARAMETERS = ("max_depth", "rr_depth", "hide_emitters")
 
 REFERENCE_BATCH = 32
 
-
-@dataclass(frozen=True)
-class View:
-    """
-    What is compared, as the command line says it.
-
-    Fields
-    ------
-    study : Study
-        The packaged study with the scene's name, size, frames, seed and parameters put in.
-    scene, sensor
-        As loaded.
-    shared : mapping
-        The parameters that `path` has too.
-    """
-
-    study: Study
-    scene: Any
-    sensor: Any
-    shared: Mapping[str, Value]
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self.study.sizes[0]
+Make = Callable[[str, Variant], Renderer]
+"""Makes the renderer of a variant that has a name, in the scene that is compared."""
 
 
 def add_command(commands: Any) -> None:
@@ -113,87 +90,109 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("argument --make-reference: the name must end in .exr")
     loading.choose_variant(options.variant)
     given = imageio.read_rgb(options.reference) if options.reference else None
-    view = _view(options, None if given is None else given.shape[1::-1])
+    study = _study(options, None if given is None else given.shape[1::-1])
+    make = _maker(study, options)
+    renderers = {name: make(name, variant) for name, variant in study.variants.items()}
     folder = Path(options.output or f"out/compare-{Path(options.scene).stem}")
     output.prepare_folder(options.make_reference.parent if options.make_reference else folder)
-    if options.make_reference:
-        return _make_reference(view, options)
-    origin = str(options.reference)
-    if given is None:
-        given, origin = _embedded_reference(view, options), "the committed one"
-    source = f"{origin}, whose own error is in all errors"
+    spp, origin = options.reference_spp, str(options.reference)
     with rendering(), progress_bar("reference") as progress:
+        if options.make_reference:
+            _write_reference(study, _render_reference(study, make, spp, progress), options)
+            return 0
         if given is None:
-            spp = options.reference_spp
-            reference = _render_reference(view, spp, progress)
+            given, origin = _embedded_reference(study, options.sensor), "the committed one"
+        if given is None:
+            reference = _render_reference(study, make, spp, progress)
             source = f"path, {spp} samples per pixel, whose own error is subtracted"
         else:
             reference = ReferenceImage(given.astype(np.float64), np.zeros(given.shape))
-        rows = _rows(view, reference, progress)
-    _show(view, folder, source, rows, reference)
+            source = f"{origin}, whose own error is in all errors"
+        rows = _rows(study, renderers, reference, progress)
+    title = f"{study.scene}, {_size(study)}, depth {_depths(study)['max_depth']}"
+    compare_report.write(folder, title, rows, reference.image.astype(np.float32))
+    console = Console()
+    console.print(compare_report.table(title, source, rows))
+    means = {row.label: [row.mean] for row in rows}
+    data = Measured(_size(study), {}, "", {}, reference, study.epsilon, study.trim)
+    if text := excess(shares(data, means, trimmed)):
+        print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
+    console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
     return 0
 
 
-def _view(options: argparse.Namespace, given: tuple[int, int] | None) -> View:
-    """Put scene and parameters into the study; `given` is the size of the reference image."""
+def _study(options: argparse.Namespace, given: Size | None) -> Study:
+    """Put what the command line says into the study; `given` is the reference image's size."""
     study = load_study("compare")
     size = options.resolution or given or study.sizes[0]
-    parameters = parse_parameters(as_dict(options.parameters, "-p"))
-    shared = {name: value for name, value in parameters.items() if name in SHARED_PARAMETERS}
-    variants = {
-        name: replace(
-            v, parameters={**(shared if v.type == "path" else parameters), **v.parameters}
-        )
-        for name, v in study.variants.items()
-    }
-    scene = loading.load_scene(options.scene, as_dict(options.definitions, "-D"), size)
-    sensor = loading.choose_sensor(scene, options.sensor)
     if given not in (None, size):
         raise UsageError(
-            f"argument --reference: {options.reference} has {given[0]}x{given[1]} "
-            f"pixels, the images have {size[0]}x{size[1]}"
+            f"argument --reference: {options.reference} has {given[0]}x{given[1]} pixels, the "
+            f"images have {size[0]}x{size[1]}"
         )
-    changed = replace(
-        study,
-        scene=options.scene,
-        sizes=(size,),
-        variants=variants,
-        frames=options.frames,
-        seed=options.seed,
-    )
-    return View(changed, scene, sensor, shared)
+    parameters = parse_parameters(as_dict(options.parameters, "-p"))
+    shared = {name: value for name, value in parameters.items() if name in SHARED_PARAMETERS}
+    own = {"path": shared, "restir_pt": parameters}
+    variants = {
+        name: replace(variant, parameters={**own[variant.type], **variant.parameters})
+        for name, variant in study.variants.items()
+    }
+    changed = {"scene": options.scene, "frames": options.frames, "seed": options.seed}
+    return replace(study, sizes=(size,), variants=variants, **changed)
 
 
-def _renderer(view: View, name: str, variant: Variant) -> Renderer:
-    integrator = make_integrator(view.study, name, variant)
-    return renderer_of(view.scene, view.sensor, integrator, variant.spp, view.study.freeze)
+def _size(study: Study) -> str:
+    width, height = study.sizes[0]
+    return f"{width}x{height}"
 
 
-def _rows(view: View, reference: ReferenceImage, report: Progress) -> list[compare_report.Row]:
+def _depths(study: Study) -> Mapping[str, Value]:
+    """Return the parameters of `path`, which are those of its reference too."""
+    return {"max_depth": study.max_depth, **study.variants[study.baseline].parameters}
+
+
+def _maker(study: Study, options: argparse.Namespace) -> Make:
+    """Load the scene; unlike a study's own it may have definitions and several sensors."""
+    definitions = as_dict(options.definitions, "-D")
+    scene = loading.load_scene(options.scene, definitions, study.sizes[0])
+    sensor = loading.choose_sensor(scene, options.sensor)
+
+    def make(name: str, variant: Variant) -> Renderer:
+        integrator = make_integrator(study, name, variant)
+        return renderer_of(scene, sensor, integrator, variant.spp, study.freeze)
+
+    return make
+
+
+def _rows(
+    study: Study,
+    renderers: Mapping[str, Renderer],
+    reference: ReferenceImage,
+    report: Progress,
+) -> list[compare_report.Row]:
     """Render one run of all variants, which take turns, and sum up what each has shown."""
-    study = view.study
-    renderers = {name: _renderer(view, name, v) for name, v in study.variants.items()}
     errors: dict[str, list[compare_report.Errors]] = {name: [] for name in renderers}
 
     def seen(name: str, image: Image | None) -> None:
-        if image is not None:
-            errors[name].append(_errors(imageio.with_rgb(image, 0), reference))
+        assert image is not None
+        errors[name].append(_errors(imageio.with_rgb(image, 0), reference))
         done = sum(map(len, errors.values()))
         report(done, len(renderers) * study.frames, "comparing")
 
     rehearse(study, renderers)
     finished = render_run(study, renderers, 0, seen)
+    tail = max(1, study.frames // 4)
     return [
         compare_report.Row(
             name,
-            1000.0 * statistics.median(finished[name].times),
-            compare_report.mean(own[-max(1, study.frames // 4) :]),
-            _errors(mean := imageio.with_rgb(finished[name].mean, 0), reference),
+            1000.0 * statistics.median(run.times),
+            compare_report.mean(errors[name][-tail:]),
+            _errors(mean := imageio.with_rgb(run.mean, 0), reference),
             study.frames,
-            imageio.with_rgb(finished[name].last, 0),
+            imageio.with_rgb(run.last, 0),
             mean,
         )
-        for name, own in errors.items()
+        for name, run in finished.items()
     ]
 
 
@@ -205,57 +204,34 @@ def _errors(image: Image, reference: ReferenceImage) -> compare_report.Errors:
     )
 
 
-def _render_reference(view: View, spp: int, report: Progress) -> ReferenceImage:
+def _render_reference(study: Study, make: Make, spp: int, report: Progress) -> ReferenceImage:
     """Render with `path` in batches, without Russian roulette, from seeds of its own."""
     most = min(REFERENCE_BATCH, spp // LEAST_BATCHES)
     batches = [most] * (spp // most) + ([spp % most] if spp % most else [])
-    variants = {n: Variant("path", n, {**view.shared, **ENDLESS}) for n in dict.fromkeys(batches)}
-    renderers = {n: _renderer(view, REFERENCE, variant) for n, variant in variants.items()}
-    mean = BatchMean(view.size)
+    parameters = {**_depths(study), **ENDLESS}
+    renderers = {n: make(REFERENCE, Variant("path", n, parameters)) for n in set(batches)}
+    mean = BatchMean(study.sizes[0])
     for index, samples in enumerate(batches):
-        image, _ = renderers[samples].frame(seed_of(view.study.seed, REFERENCE_KEY, index))
+        image, _ = renderers[samples].frame(seed_of(study.seed, REFERENCE_KEY, index))
         mean.add(imageio.with_rgb(image, 0), samples)
         report(mean.samples, spp, "reference")
     return mean.image()
 
 
-def _make_reference(view: View, options: argparse.Namespace) -> int:
-    spp, depths = options.reference_spp, {"max_depth": view.study.max_depth, **view.shared}
-    with rendering(), progress_bar("reference") as report:
-        image = _render_reference(view, spp, report).image
-    metadata = {"integrator": f"path {depths}", "spp": str(spp), "scene": options.scene}
-    data = imageio.encode_exr(image.astype(np.float32), metadata=metadata, half=True)
-    imageio.write_atomically(options.make_reference, data)
-    print(f"{options.make_reference}: {spp} samples per pixel by path, {depths}")
-    return 0
+def _write_reference(study: Study, reference: ReferenceImage, options: argparse.Namespace) -> None:
+    file, spp, depths = options.make_reference, options.reference_spp, _depths(study)
+    metadata = {"integrator": f"path {depths}", "spp": str(spp), "scene": study.scene}
+    data = imageio.encode_exr(reference.image, metadata=metadata, half=True)
+    imageio.write_atomically(file, data)
+    print(f"{file}: {spp} samples per pixel by path, {depths}")
 
 
-def _embedded_reference(view: View, options: argparse.Namespace) -> Image | None:
+def _embedded_reference(study: Study, sensor: int) -> Image | None:
     """Return the reference inside the package, where it is one of exactly this picture."""
     own = load_study("compare")
-    if (options.scene, view.size, options.sensor) != (own.scene, own.sizes[0], 0):
+    same = (study.scene, study.sizes, _depths(study)) == (own.scene, own.sizes, _depths(own))
+    if not same or sensor or not mi.variant().endswith("rgb"):
         return None
-    if view.shared not in ({}, {"max_depth": own.max_depth}) or not mi.variant().endswith("rgb"):
-        return None
-    name = f"{own.scene}_{view.size[0]}x{view.size[1]}.exr"
-    resource = importlib.resources.files("mitsuba_restir") / "resources" / name
-    with importlib.resources.as_file(resource) as path:
+    resource = importlib.resources.files("mitsuba_restir") / "resources"
+    with importlib.resources.as_file(resource / f"{own.scene}_{_size(own)}.exr") as path:
         return imageio.read_rgb(path) if path.is_file() else None
-
-
-def _show(
-    view: View, folder: Path, source: str, rows: list[compare_report.Row], reference: ReferenceImage
-) -> None:
-    """Write and print everything, with a warning where the reference is too noisy for it."""
-    size = f"{view.size[0]}x{view.size[1]}"
-    depth = view.shared.get("max_depth", view.study.max_depth)
-    title = f"{view.study.scene}, {size}, depth {depth}"
-    compare_report.write(folder, title, rows, reference.image.astype(np.float32))
-    console = Console()
-    console.print(compare_report.table(title, source, rows))
-    means = {row.label: [row.mean] for row in rows}
-    study = view.study
-    data = Measured(size, {}, study.baseline, {}, reference, study.epsilon, study.trim)
-    if text := excess(shares(data, means, trimmed)):
-        print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
-    console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
