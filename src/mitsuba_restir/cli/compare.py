@@ -24,7 +24,7 @@ from ..studies.config.study import REFERENCE, Size
 from ..studies.measure.noise import excess, shares, trimmed
 from ..studies.measure.results import Measured
 from ..studies.runner import Progress
-from ..studies.runs.batches import LEAST_BATCHES, BatchMean
+from ..studies.runs.reference import LEAST_BATCHES, BatchMean
 from ..studies.runs.rendering import (
     ENDLESS,
     REFERENCE_KEY,

@@ -4,27 +4,59 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
-from ...errors import UsageError, one_line
+from ...errors import RenderError, UsageError, one_line
 from ...imageio import write_atomically
 from ..config.files import dump_study, load_study
 from ..config.study import Size, Study
 from ..runs.probing import REFERENCED
 from ..runs.results import Image, Run
 from ..runs.scene import scene_digest
+from ..runs.software import environment
 from .arrays import Arrays, load_arrays, make_folder, save_arrays
-from .environment import environment
-from .lock import FILE as LOCK
-from .lock import lock_folder
-from .provenance import FILE as PROVENANCE
-from .provenance import differences, digest_of, entry, read_history, usable_digests
-from .references import reference_digest, reference_folder, reference_key, remove_leftovers
+from .keys import FILE as PROVENANCE
+from .keys import (
+    differences,
+    digest_of,
+    entry,
+    read_history,
+    reference_digest,
+    reference_folder,
+    reference_key,
+    remove_leftovers,
+    usable_digests,
+)
+
+LOCK = ".lock"
+
+
+def lock_folder(folder: Path) -> FileLock:
+    """
+    Lock a folder until that is undone or the process ends; the file of the lock stays.
+
+    Raises
+    ------
+    UsageError
+        Another process holds it.
+    RenderError
+        The folder cannot be written to.
+    """
+    lock = FileLock(folder / LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise UsageError(
+            f"{folder} is in use by another process: wait for it, or choose another folder"
+        ) from error
+    except OSError as error:
+        raise RenderError(f"cannot write to {folder}: {error.strerror}") from error
+    return lock
 
 
 class StudyFolder:
@@ -58,7 +90,8 @@ class StudyFolder:
         self.digest = digest_of(study)
         self.scene = scene_digest(study)
         self.refused: list[str] = []
-        self._references: dict[Size, tuple[Path, str]] = {}
+        rendered = study.sizes if study.reference else ()
+        self._references = {z: reference_digest(study, z, self.scene) for z in rendered}
         self._lock: FileLock | None = None
         config = path / "config.toml"
         self._history = entry(study)
@@ -67,7 +100,7 @@ class StudyFolder:
         except OSError as error:
             raise UsageError(f"cannot use {path}: {error.strerror}") from error
         if known:
-            self._compare(load_study(str(config)))
+            self._join(load_study(str(config)))
         elif taken:
             raise UsageError(f"{path} exists and holds no study: choose a new folder")
 
@@ -93,7 +126,8 @@ class StudyFolder:
         remove_leftovers()
         self.write(PROVENANCE, (json.dumps(self._history, indent=1) + "\n").encode())
         self.write("config.toml", dump_study(self.study))
-        self._note_environment()
+        if (own := environment()) not in (known := self.environments()):
+            self.write("environment.json", (json.dumps([*known, own], indent=1) + "\n").encode())
 
     def __enter__(self) -> StudyFolder:
         return self
@@ -110,21 +144,13 @@ class StudyFolder:
     def environments(self) -> list[dict[str, str | int]]:
         """Return the machines and versions that worked on this study, first to last."""
         try:
-            found: list[dict[str, str | int]] = json.loads(
-                (self.path / "environment.json").read_text("utf-8")
-            )
-        except (OSError, ValueError):
+            return list(json.loads((self.path / "environment.json").read_text("utf-8")))
+        except (OSError, ValueError, TypeError):
             return []
-        return found
 
-    def _note_environment(self) -> None:
-        known, own = self.environments(), environment()
-        if own not in known:
-            self.write("environment.json", (json.dumps([*known, own], indent=1) + "\n").encode())
-
-    def _compare(self, other: Study) -> None:
-        differing = differences(self.study, other)
-        if differing:
+    def _join(self, other: Study) -> None:
+        """Use what another study has rendered here (UsageError where it is too different)."""
+        if differing := differences(self.study, other):
             raise UsageError(
                 f"{self.path} holds this study with other settings ({', '.join(differing)} "
                 "differ): choose a new folder"
@@ -146,8 +172,8 @@ class StudyFolder:
                 f"('{self.study.scene}' or what it names has changed): choose a new folder"
             )
 
-    def _file(self, kind: str, size: Size, variant: str, index: int) -> Path:
-        return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}.npz"
+    def _file(self, kind: str, size: Size, variant: str, index: int, suffix: str = ".npz") -> Path:
+        return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}{suffix}"
 
     def load_run(self, size: Size, variant: str, index: int) -> Run | None:
         """
@@ -183,7 +209,7 @@ class StudyFolder:
         self, size: Size, variant: str, probe: str, index: int
     ) -> dict[str, float] | None:
         """Return what a probe said of a run, or None where it is not known."""
-        path = self._probe_file(size, variant, probe, index)
+        path = self._file(f"probes/{probe}", size, variant, index, ".json")
         if not path.exists():
             return None
         try:
@@ -200,7 +226,7 @@ class StudyFolder:
         self, size: Size, variant: str, probe: str, index: int, numbers: Mapping[str, float]
     ) -> None:
         """Write what a probe said of a run."""
-        path = self._probe_file(size, variant, probe, index)
+        path = self._file(f"probes/{probe}", size, variant, index, ".json")
         content = {**self._label(path), "numbers": dict(numbers)}
         if reference := self._reference_of(probe):
             content["reference"] = reference
@@ -208,14 +234,7 @@ class StudyFolder:
 
     def _reference_of(self, probe: str) -> str:
         """Return the key of the reference that a probe's answers depend on, if they do."""
-        return self._reference_key if probe in REFERENCED else ""
-
-    @cached_property
-    def _reference_key(self) -> str:
-        return reference_key(self.study)
-
-    def _probe_file(self, size: Size, variant: str, probe: str, index: int) -> Path:
-        return self._file(f"probes/{probe}", size, variant, index).with_suffix(".json")
+        return reference_key(self.study) if probe in REFERENCED else ""
 
     def load_batch(self, size: Size, index: int) -> Image | None:
         """Return a finished batch of the reference, whichever study rendered it, or None."""
@@ -234,10 +253,8 @@ class StudyFolder:
         save_arrays(path, label, {"mean": image})
 
     def _batch(self, size: Size, index: int) -> tuple[Path, dict[str, str]]:
-        if size not in self._references:
-            digest = reference_digest(self.study, size, self.scene)
-            self._references[size] = (reference_folder(self.study, size, digest), digest)
-        folder, digest = self._references[size]
+        digest = self._references[size]
+        folder = reference_folder(self.study, size, digest)
         return folder / f"{index:04d}.npz", {"digest": digest, "batch": str(index)}
 
     def write(self, name: str, data: bytes) -> None:

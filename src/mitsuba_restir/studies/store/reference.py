@@ -7,8 +7,7 @@ from typing import Any
 
 from ...errors import UsageError
 from ..config.study import REFERENCE, Reference, Size, Study, Variant
-from ..runs.batches import LEAST_BATCHES, BatchMean
-from ..runs.reference import read_reference, smooth
+from ..runs.reference import LEAST_BATCHES, BatchMean, read_reference, smooth
 from ..runs.rendering import ENDLESS, REFERENCE_KEY, make_renderer, seed_of
 from ..runs.results import Image, ReferenceImage
 from .folder import StudyFolder
