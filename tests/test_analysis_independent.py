@@ -7,8 +7,8 @@ import pytest
 from scipy import signal, stats
 
 from mitsuba_restir.analysis import covariance, metrics, pixel_bias, spectrum
+from mitsuba_restir.analysis.bias import block_sums
 from mitsuba_restir.analysis.images import luminance, smoothed_reference
-from mitsuba_restir.analysis.units import block_sums
 
 filters = pytest.importorskip("skimage.filters", reason="needs scikit-image")
 color = pytest.importorskip("skimage.color")

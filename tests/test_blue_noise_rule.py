@@ -11,10 +11,10 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from support import references
+from support.bias import BiasReport
 from support.modes import Mode
 from support.runs import bias_report, independent_runs, integrator
 
-from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.passes import blue_noise_rule as rule_module
 from mitsuba_restir.passes.blue_noise_rule import (

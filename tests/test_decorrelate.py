@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from scipy import stats
 from support import references
+from support.bias import BiasReport
 from support.modes import Mode
 from support.mutants import Mutation, apply
 from support.runs import assert_unbiased, integrator
 from support.stationarity import FRESH, stationarity_report
 from test_unbiased import ROOM, check, edited, moving_camera
 
-from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.passes import decorrelate as pass_module
 from mitsuba_restir.passes.decorrelate import decorrelate, metropolis_hastings
 from mitsuba_restir.paths.spectrum import target

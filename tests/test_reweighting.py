@@ -13,8 +13,8 @@ from reweighting import (
     reweighted,
 )
 from scipy import stats
+from support.bias import sidak
 
-from mitsuba_restir.analysis.power import sidak
 from mitsuba_restir.analysis.spectrum import band_power
 from mitsuba_restir.sampling.masks import load_mask, mask_values
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from ...analysis import intervals, metrics
-from ...analysis.bias import BiasTest, mean_test
+from ...analysis.bias import MeanTest, mean_test
 from ...analysis.images import FloatArray, luminance
 from ...analysis.intervals import Interval
 from ...analysis.pixel_bias import mean_bias, squared_pixel_bias
@@ -47,7 +47,7 @@ def paired_mean(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
             yield make_row(data, name, number, mean_bias(own, base), None, p_value)
 
 
-def block_test(runs: Sequence[Run], reference: ReferenceImage) -> BiasTest:
+def block_test(runs: Sequence[Run], reference: ReferenceImage) -> MeanTest:
     """Test blocks of pixels of the mean of all frames against the reference before smoothing."""
     sharp = reference.unsmoothed
     return mean_test(_means(runs), sharp.luminance, sharp.luminance_variance, block=BLOCK)
