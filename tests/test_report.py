@@ -29,10 +29,10 @@ from mitsuba_restir.studies import Study, load_study, run
 from mitsuba_restir.studies.measure.biases import block_scores
 from mitsuba_restir.studies.measure.frame_errors import chain_spectra
 from mitsuba_restir.studies.measure.results import Measured, Row
+from mitsuba_restir.studies.notebook import Results
 from mitsuba_restir.studies.report import curves, figures
 from mitsuba_restir.studies.report.colours import diverging, sequential
 from mitsuba_restir.studies.report.headline import headline, percent, short
-from mitsuba_restir.studies.report.notebook import Results
 from mitsuba_restir.studies.report.page import _smallest_png
 from mitsuba_restir.studies.report.pictures import galleries, shown_of
 from mitsuba_restir.studies.report.spectra import mask_pictures, mutation_pictures

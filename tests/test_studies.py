@@ -22,7 +22,7 @@ from rich.console import Console
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.runs.turns as runs_module
 import mitsuba_restir.studies.store.reference as reference_module
-from mitsuba_restir import cache, cli
+from mitsuba_restir import cache, cli, studies
 from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import encode_exr, write_atomically
@@ -136,6 +136,17 @@ def _numbers(path: Path) -> list[dict[str, Any]]:
 
 def _files(path: Path) -> dict[str, bytes]:
     return {str(f.relative_to(path)): f.read_bytes() for f in sorted(path.rglob("*.npz"))}
+
+
+ROOMS = ("config", "runs", "store", "measure", "report")
+
+
+def test_rooms_use_only_those_before_them() -> None:
+    house = Path(studies.__file__).parent
+    for place, room in enumerate(ROOMS):
+        for file in (house / room).rglob("*.py"):
+            used = set(re.findall(r"^ *from \.\.(\w+)", file.read_text("utf-8"), re.MULTILINE))
+            assert used <= set(ROOMS[:place]), file
 
 
 def test_a_study_survives_its_own_toml(study: Study, tmp_path: Path) -> None:
@@ -642,7 +653,7 @@ def test_runs_of_different_software_are_noted(
 
 def test_a_worker_with_another_scene_is_refused(study: Study) -> None:
     with pytest.raises(UsageError, match="every worker needs the same files"):
-        runs_module.remote_run(to_table(study), "another digest", (24, 16), 0, ["plain"])
+        runs_module.remote_run(study, "another digest", (24, 16), 0, ["plain"])
 
 
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 40, 72])

@@ -3,8 +3,8 @@
 from .config.files import load_study, packaged_studies
 from .config.study import Motion, Reference, Study, Variant, View
 from .measure.table import Table
+from .notebook import Results, run
 from .report import write_report
-from .report.notebook import Results, run
 from .runner import run_study
 
 __all__ = [

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..errors import rendering
 from .config.study import Size, Study
-from .config.tables import to_table
 from .measure.asked import check_quantities, probes_of, shows_images
 from .measure.loading import load_size
 from .measure.measuring import measure_size
@@ -19,7 +18,7 @@ from .measure.table import Table
 from .runs.reference import read_reference
 from .runs.rendering import Renderer, make_renderer
 from .runs.scene import load_scene
-from .runs.turns import rehearse, remote_run, render_run
+from .runs.turns import Cluster, rehearse, remote_run, render_run
 from .store.folder import StudyFolder
 from .store.reference import (
     load_reference,
@@ -28,9 +27,6 @@ from .store.reference import (
 )
 
 Progress = Callable[[int, int, str], None]
-
-Cluster = Callable[[Callable[..., Any], Sequence[Any]], Iterable[tuple[Any, Any]]]
-"""Calls a function with many tuples of arguments; yields (arguments, answer) as they end."""
 
 
 def run_study(
@@ -189,8 +185,7 @@ def _render_remotely(
 ) -> None:
     """Have a cluster render the runs of a size; each is saved as it comes back."""
     study = folder.study
-    table = to_table(study)
-    tasks = [(table, folder.scene, size, index, names) for index, names in missing.items()]
+    tasks = [(study, folder.scene, size, index, names) for index, names in missing.items()]
     for (*_, index, names), runs in cluster(remote_run, tasks):
         for name in names:
             folder.save_run(size, name, index, runs[name])

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ...errors import RenderError, UsageError, one_line
-from ..runner import Cluster
+from .turns import Cluster
 
 
 @contextmanager

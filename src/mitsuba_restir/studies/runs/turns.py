@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,13 +12,15 @@ import numpy as np
 
 from ...errors import UsageError
 from ..config.study import Size, Study
-from ..config.tables import from_table
 from .rendering import REHEARSAL_KEY, RUN_KEY, Renderer, make_renderer, seed_of
 from .results import Image, Run
 from .scene import load_scene, scene_digest
 from .software import software
 
 Seen = Callable[[str, Image | None], None]
+
+Cluster = Callable[[Callable[..., Any], Sequence[Any]], Iterable[tuple[Any, Any]]]
+"""Calls a function with many tuples of arguments; yields (arguments, answer) as they end."""
 
 
 def _unseen(name: str, image: Image | None) -> None:
@@ -87,15 +89,13 @@ def render_run(
 
 
 def remote_run(
-    table: Mapping[str, Any], scene: str, size: Size, index: int, names: list[str]
+    study: Study, scene: str, size: Size, index: int, names: list[str]
 ) -> dict[str, Run]:
     """
     Render one run in a worker of a cluster.
 
     Parameters
     ----------
-    table : mapping
-        The study as a TOML table.
     scene : str
         Digest of the scene.
 
@@ -104,7 +104,6 @@ def remote_run(
     UsageError
         The worker's scene has another content.
     """
-    study = from_table(table, str(table["name"]))
     if scene_digest(study) != scene:
         raise UsageError(
             f"{study.name}: the scene '{study.scene}' of the worker {platform.node()} has another "

@@ -8,19 +8,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...errors import UsageError
-from ..config.files import load_study
-from ..config.study import Size, Study
-from ..measure.frame_errors import chain_spectra
-from ..measure.loading import load_size
-from ..measure.results import Measured, Refused
-from ..measure.table import Table
-from ..runner import Progress, run_study
-from ..store.folder import StudyFolder
-from . import curves as report_curves
-from . import figures
-from .colours import line_colours
-from .write import write_report
+from ..errors import UsageError
+from .config.files import load_study
+from .config.study import Size, Study
+from .measure.frame_errors import chain_spectra
+from .measure.loading import load_size
+from .measure.results import Measured, Refused
+from .measure.table import Table
+from .report import curves as report_curves
+from .report import figures
+from .report.colours import line_colours
+from .report.write import write_report
+from .runner import Progress, run_study
+from .store.folder import StudyFolder
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-not-found, import-untyped, unused-ignore]
