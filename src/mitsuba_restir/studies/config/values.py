@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Annotated, Any
 
-from annotated_types import Ge, Gt, Lt, MinLen, Predicate
+from annotated_types import Ge, Gt, Lt, MinLen
 from pydantic import (
     AfterValidator,
     AllowInfNan,
@@ -29,22 +30,31 @@ KIND = "kind"
 
 
 def must_be(allowed: str) -> WrapValidator:
-    """
-    Say in one line what is allowed, in place of what pydantic says of every part of a value.
-
-    Of two that stand behind one another, the first that fails speaks.
-    """
+    """Say in one line what is allowed, in place of what pydantic says of every part of a value."""
 
     def check(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
         try:
             return validate(value)
         except ValidationError as error:
-            if error.errors()[0]["type"] == KIND:
-                raise
-            said = {"allowed": allowed, "value": repr(value)}
-            raise PydanticCustomError(KIND, "must be {allowed}, not {value}", said) from error
+            raise _refusal(value, allowed) from error
 
     return WrapValidator(check)
+
+
+def only(test: Callable[[Any], object], allowed: str) -> AfterValidator:
+    """Refuse what is of the right kind and does not pass a test."""
+
+    def check(value: Any) -> Any:
+        if test(value):
+            return value
+        raise _refusal(value, allowed)
+
+    return AfterValidator(check)
+
+
+def _refusal(value: object, allowed: str) -> PydanticCustomError:
+    said = {"allowed": allowed, "value": repr(value)}
+    return PydanticCustomError(KIND, "must be {allowed}, not {value}", said)
 
 
 Text = Annotated[StrictStr, must_be("a string")]
@@ -74,8 +84,7 @@ def _inside(crop: tuple[float, float, float, float]) -> bool:
 Crop = Annotated[
     tuple[Number, Number, Number, Number],
     must_be("4 finite numbers"),
-    Predicate(_inside),
-    must_be("left, top, width and height inside 0 ... 1"),
+    only(_inside, "left, top, width and height inside 0 ... 1"),
 ]
 
 Size = tuple[int, int]
@@ -107,13 +116,15 @@ Sizes = Annotated[tuple[Size, ...], BeforeValidator(_sizes)]
 
 FolderName = Annotated[
     Name,
-    Predicate(lambda name: name.isprintable() and not set(name) & set("/\\")),
-    must_be("printable and without / and \\"),
+    only(re.compile(r"[^/\\]+").fullmatch, "without / and \\"),
+    only(str.isprintable, "printable"),
 ]
 MitsubaVariant = Annotated[
     Text,
-    Predicate(lambda name: re.fullmatch(r"(?!scalar)\w+_rgb", name) is not None),
-    must_be("one of colour that is compiled, as in llvm_ad_rgb or cuda_ad_rgb"),
+    only(
+        re.compile(r"(?!scalar)\w+_rgb").fullmatch,
+        "one of colour that is compiled, as in llvm_ad_rgb or cuda_ad_rgb",
+    ),
 ]
 
 
