@@ -20,8 +20,8 @@ from mitsuba_restir.studies.measure.frame_errors import (
 from mitsuba_restir.studies.measure.mutation_spectra import SHARE
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.measure.results import Measured, Refused, Row
+from mitsuba_restir.studies.runs.reference import smooth
 from mitsuba_restir.studies.runs.results import ReferenceImage, Run
-from mitsuba_restir.studies.store.reference import smooth
 
 SHAPE = (64, 96)
 

@@ -19,8 +19,8 @@ from ..studies.config.files import change_study
 from ..studies.config.study import Reference, Study
 from ..studies.runner import run_folder
 from ..studies.runs.dask_cluster import dask_cluster
-from ..studies.runs.progress import progress_bar
 from ..studies.store.folder import StudyFolder
+from .progress import progress_bar
 
 
 def add_command(commands: Any) -> None:

@@ -16,6 +16,7 @@ from .measure.measuring import measure_size
 from .measure.probes import PROBES
 from .measure.results import Row
 from .measure.table import Table
+from .runs.reference import read_reference
 from .runs.rendering import Renderer, make_renderer
 from .runs.scene import load_scene
 from .runs.turns import rehearse, remote_run, render_run
@@ -23,7 +24,6 @@ from .store.folder import StudyFolder
 from .store.reference import (
     load_reference,
     missing_batches,
-    read_reference,
     render_batches,
 )
 
@@ -73,7 +73,7 @@ def run_folder(
     if study.reference is not None and study.reference.file:
         read_reference(study)
     with rendering(study.name):
-        render_missing(folder, progress or _silent, cluster)
+        render_missing(folder, progress, cluster)
     folder.claim()
     return measure(folder)
 
@@ -94,7 +94,9 @@ def measure(folder: StudyFolder) -> Table:
     return table
 
 
-def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | None = None) -> None:
+def render_missing(
+    folder: StudyFolder, progress: Progress | None = None, cluster: Cluster | None = None
+) -> None:
     """Render the runs and batches that are not finished; safe to interrupt at any time."""
     study = folder.study
     todo = {size: _missing_runs(folder, size) for size in study.sizes}
@@ -102,8 +104,8 @@ def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | N
     probes = _missing_probes(folder)
     # A sample of the reference counts as a frame, a probe as a run.
     samples = study.reference.spp // study.reference.batches if study.reference else 0
-    units = _frames_to_render(study, todo) + samples * sum(map(len, batches.values()))
-    meter = _Meter(progress, units + study.length * len(probes))
+    frames = study.length * (len(probes) + sum(len(n) for m in todo.values() for n in m.values()))
+    meter = _Meter(progress, frames + samples * sum(batches.values()))
     if meter.total == 0:
         return
     scene = load_scene(study)
@@ -115,15 +117,15 @@ def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | N
         elif missing:
             _render_size(folder, renderers[size], size, missing, meter)
         if batches[size]:
-            label = f"reference {size[0]}x{size[1]}"
-            done = partial(meter.advance, label, samples)
-            render_batches(folder, scene, size, batches[size], done)
+            done = partial(meter.advance, f"reference {size[0]}x{size[1]}", samples)
+            render_batches(folder, scene, size, done)
     for size, name, probe, index in probes:
-        meter.say(f"{size[0]}x{size[1]} {probe} {name}")
+        label = f"{size[0]}x{size[1]} {probe} {name}"
+        meter.advance(label, 0)
         reference = partial(load_reference, folder, size)
         found = PROBES[probe](study, size, name, index, reference)
         folder.save_probe(size, name, probe, index, found)
-        meter.advance(f"{size[0]}x{size[1]} {probe} {name}", study.length)
+        meter.advance(label, study.length)
 
 
 def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
@@ -149,11 +151,6 @@ def _missing_runs(folder: StudyFolder, size: Size) -> dict[int, list[str]]:
     return {index: names for index, names in missing.items() if names}
 
 
-def _frames_to_render(study: Study, todo: dict[Size, dict[int, list[str]]]) -> int:
-    runs = sum(len(names) for missing in todo.values() for names in missing.values())
-    return runs * study.length
-
-
 def _renderers(
     study: Study, scene: Any, size: Size, missing: dict[int, list[str]]
 ) -> dict[str, Renderer]:
@@ -174,12 +171,12 @@ def _render_size(
 ) -> None:
     study = folder.study
     label = f"{size[0]}x{size[1]}"
-    meter.say(f"{label}: compiling")
+    meter.advance(f"{label}: compiling", 0)
     rehearse(study, renderers)
     for index, names in missing.items():
         run_label = f"{label} run {index + 1}/{study.runs}"
 
-        def advance(name: str, run_label: str = run_label) -> None:
+        def advance(name: str, _: object, run_label: str = run_label) -> None:
             meter.advance(f"{run_label} {name}")
 
         wanted = {name: renderers[name] for name in names}
@@ -204,18 +201,12 @@ def _render_remotely(
 class _Meter:
     """Counts finished units and passes them on."""
 
-    def __init__(self, progress: Progress, total: int) -> None:
+    def __init__(self, progress: Progress | None, total: int) -> None:
         self._progress = progress
         self.total = total
         self._done = 0
 
-    def say(self, text: str) -> None:
-        self._progress(self._done, self.total, text)
-
     def advance(self, text: str, units: int = 1) -> None:
         self._done += units
-        self.say(text)
-
-
-def _silent(done: int, total: int, text: str) -> None:
-    """Show nothing."""
+        if self._progress is not None:
+            self._progress(self._done, self.total, text)

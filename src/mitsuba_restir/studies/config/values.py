@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any
 
-from annotated_types import Ge, Gt, Lt, MinLen
+from annotated_types import Ge, Gt, Lt, MinLen, Predicate
 from pydantic import (
     AfterValidator,
     AllowInfNan,
@@ -29,12 +29,18 @@ KIND = "kind"
 
 
 def must_be(allowed: str) -> WrapValidator:
-    """Say in one line what is allowed, in place of what pydantic says of every part of a value."""
+    """
+    Say in one line what is allowed, in place of what pydantic says of every part of a value.
+
+    Of two that stand behind one another, the first that fails speaks.
+    """
 
     def check(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
         try:
             return validate(value)
         except ValidationError as error:
+            if error.errors()[0]["type"] == KIND:
+                raise
             said = {"allowed": allowed, "value": repr(value)}
             raise PydanticCustomError(KIND, "must be {allowed}, not {value}", said) from error
 
@@ -60,17 +66,16 @@ Value = Annotated[
 ]
 
 
-def _inside(crop: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+def _inside(crop: tuple[float, float, float, float]) -> bool:
     left, top, width, height = crop
-    if min(left, top) < 0.0 or min(width, height) <= 0.0 or max(left + width, top + height) > 1.0:
-        raise ValueError(
-            f"crop must be left, top, width and height inside 0 ... 1, not {list(crop)}"
-        )
-    return crop
+    return min(left, top) >= 0.0 < min(width, height) and max(left + width, top + height) <= 1.0
 
 
 Crop = Annotated[
-    tuple[Number, Number, Number, Number], must_be("4 finite numbers"), AfterValidator(_inside)
+    tuple[Number, Number, Number, Number],
+    must_be("4 finite numbers"),
+    Predicate(_inside),
+    must_be("left, top, width and height inside 0 ... 1"),
 ]
 
 Size = tuple[int, int]
@@ -100,25 +105,16 @@ def _sizes(given: object) -> tuple[Size, ...]:
 Sizes = Annotated[tuple[Size, ...], BeforeValidator(_sizes)]
 
 
-def _folder_name(name: str) -> str:
-    if not name.isprintable() or set(name) & set("/\\"):
-        raise ValueError(f"name must be printable and without / and \\, not {name!r}")
-    return name
-
-
-FolderName = Annotated[Name, AfterValidator(_folder_name)]
-
-
-def _colour(variant: str) -> str:
-    if not re.fullmatch(r"(?!scalar)\w+_rgb", variant):
-        raise ValueError(
-            "mitsuba_variant must be one of colour that is compiled, as in llvm_ad_rgb or "
-            f"cuda_ad_rgb, not '{variant}'"
-        )
-    return variant
-
-
-MitsubaVariant = Annotated[Text, AfterValidator(_colour)]
+FolderName = Annotated[
+    Name,
+    Predicate(lambda name: name.isprintable() and not set(name) & set("/\\")),
+    must_be("printable and without / and \\"),
+]
+MitsubaVariant = Annotated[
+    Text,
+    Predicate(lambda name: re.fullmatch(r"(?!scalar)\w+_rgb", name) is not None),
+    must_be("one of colour that is compiled, as in llvm_ad_rgb or cuda_ad_rgb"),
+]
 
 
 def _variant_name(name: str) -> str:

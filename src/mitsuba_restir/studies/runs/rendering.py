@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -80,6 +81,14 @@ class Renderer:
         seconds = time.perf_counter() - begin
         first = self.channel
         return np.array(tensor, dtype=np.float32)[..., first : first + 3], seconds
+
+
+# First entries of the seed keys: references share no random numbers with runs.
+RUN_KEY, REFERENCE_KEY, REHEARSAL_KEY = 0, 1, 2
+
+# Russian roulette saves time but adds variance, which the deepest paths feel most.
+ENDLESS = {"rr_depth": 1_000_000}
+"""Of a reference: paths go on until `max_depth`."""
 
 
 def seed_of(study_seed: int, *key: int) -> int:
@@ -186,32 +195,36 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
     integrator = make_integrator(study, name, variant)
     sensor = make_sensor(study, scene, size)
     place = make_place(study, scene, sensor)
+    renderer = renderer_of(scene, sensor, integrator, variant.spp, study.freeze)
+    return replace(renderer, place=place, channel=3 if variant.shows else 0)
+
+
+def renderer_of(
+    scene: Any, sensor: Any, integrator: Any, spp: int, freeze: bool = True
+) -> Renderer:
+    """Make what renders with an integrator; one without a history is recorded once if wanted."""
+
+    def render(scene: Any, sensor: Any, seed: Any) -> Any:
+        # Calling the integrator's own `render` in a frozen function would run the paths a second
+        # time, to leave the sampler's state behind: measured 1.65 times the time of `mi.render`.
+        return mi.render(scene, integrator=integrator, sensor=sensor, spp=spp, seed=seed)
+
     reset = getattr(integrator, "reset", None)
-    if reset is not None or not study.freeze:
-
-        def draw(seed: int) -> Any:
-            return mi.render(
-                scene, sensor=sensor, integrator=integrator, spp=variant.spp, seed=seed
-            )
-
-        statistics = getattr(integrator, "statistics", None)
-        history = None if reset is None else lambda: integrator._history
-        channel = 3 if variant.shows else 0
+    if reset is not None:
         return Renderer(
-            draw, reset or _nothing, reset is not None, place, statistics, history, channel
+            partial(render, scene, sensor),
+            reset,
+            has_history=True,
+            statistics=getattr(integrator, "statistics", None),
+            history=lambda: integrator._history,
         )
+    draw = dr.freeze(render) if freeze else render
 
-    @dr.freeze
-    def frozen(scene: Any, sensor: Any, seed: Any) -> Any:
-        # Calling the integrator's own `render` here would run the paths a second time, to leave the
-        # sampler's state behind: measured 1.65 times the time of `mi.render`.
-        return mi.render(scene, integrator=integrator, sensor=sensor, spp=variant.spp, seed=seed)
-
-    def draw_frozen(seed: int) -> Any:
+    def draw_anew(seed: int) -> Any:
         # A literal seed would be compiled into the kernel, and every frame would compile anew.
-        return frozen(scene, sensor, dr.opaque(mi.UInt32, seed))
+        return draw(scene, sensor, dr.opaque(mi.UInt32, seed))
 
-    return Renderer(draw_frozen, _nothing, False, place)
+    return Renderer(draw_anew, _nothing, has_history=False)
 
 
 def _nothing() -> None:

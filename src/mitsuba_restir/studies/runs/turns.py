@@ -13,11 +13,17 @@ import numpy as np
 from ...errors import UsageError
 from ..config.study import Size, Study
 from ..config.tables import from_table
-from ..store.reference import REHEARSAL_KEY, RUN_KEY
-from .rendering import Renderer, make_renderer, seed_of
+from .rendering import REHEARSAL_KEY, RUN_KEY, Renderer, make_renderer, seed_of
 from .results import Image, Run
 from .scene import load_scene, scene_digest
 from .software import software
+
+Seen = Callable[[str, Image | None], None]
+
+
+def _unseen(name: str, image: Image | None) -> None:
+    """Look at no frame."""
+
 
 # The first frame compiles kernels, the second those of a frame with history.
 _REHEARSAL = 3
@@ -32,7 +38,7 @@ def rehearse(study: Study, renderers: Mapping[str, Renderer]) -> None:
 
 
 def render_run(
-    study: Study, renderers: Mapping[str, Renderer], index: int, advance: Callable[[str], None]
+    study: Study, renderers: Mapping[str, Renderer], index: int, seen: Seen = _unseen
 ) -> dict[str, Run]:
     """
     Render one run of several variants, which take turns at every frame.
@@ -41,8 +47,8 @@ def render_run(
 
     Parameters
     ----------
-    advance : callable
-        Called with the variant's name after each frame.
+    seen : callable
+        Called after each frame with the variant's name and, where it is measured, the image.
     """
     for renderer in renderers.values():
         renderer.reset()
@@ -58,13 +64,15 @@ def render_run(
         first = (index + frame) % len(names)
         for name in names[first:] + names[:first]:
             measured = frame >= study.warmup and (frame - study.warmup) % study.stride == 0
-            if measured or renderers[name].has_history:
-                image, seconds = renderers[name].frame_before_last(seed, last - frame)
+            if not measured and not renderers[name].has_history:
+                seen(name, None)
+                continue
+            image, seconds = renderers[name].frame_before_last(seed, last - frame)
             if measured:
                 times[name].append(seconds)
                 sums[name] = sums[name] + image.astype(np.float64)
                 images[name] = [*images[name], image] if study.keep == "all" else [image]
-            advance(name)
+            seen(name, image if measured else None)
     return {
         name: Run(
             images[name][-1],
@@ -107,4 +115,4 @@ def remote_run(
         name: make_renderer(study, loaded, size, name, study.variants[name]) for name in names
     }
     rehearse(study, renderers)
-    return render_run(study, renderers, index, lambda name: None)
+    return render_run(study, renderers, index)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,24 +25,6 @@ def make_folder(folder: Path) -> None:
         raise RenderError(f"cannot make {folder}: {error.strerror}") from error
 
 
-class Stored(NamedTuple):
-    """
-    What a file holds.
-
-    Fields
-    ------
-    label : dict of str to str
-        What the file says that it belongs to.
-    arrays : dict of str to array
-    left : dict of str to shape
-        Arrays that were only checked, not kept.
-    """
-
-    label: dict[str, str]
-    arrays: Arrays
-    left: dict[str, tuple[int, ...]]
-
-
 def save_arrays(path: Path, label: Mapping[str, str], arrays: Mapping[str, Any]) -> None:
     """Write arrays together with their names and a label that they can be recognised by."""
     buffer = io.BytesIO()
@@ -53,37 +35,24 @@ def save_arrays(path: Path, label: Mapping[str, str], arrays: Mapping[str, Any])
     write_atomically(path, buffer.getvalue())
 
 
-def load_arrays(path: Path, leave: Collection[str] = ()) -> Stored:
+def load_arrays(path: Path) -> tuple[dict[str, str], Arrays]:
     """
-    Read arrays.
-
-    Parameters
-    ----------
-    leave : collection of str
-        Names of arrays that are only checked, not kept.
+    Read a file's label and its arrays.
 
     Raises
     ------
     ValueError
         The file cannot be read or is damaged.
     """
-    arrays: Arrays = {}
-    left: dict[str, tuple[int, ...]] = {}
     try:
         # From memory: np.load leaves a file open that it cannot make sense of.
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            for name in file.files:
-                array = file[name]
-                if name in leave:
-                    left[name] = array.shape
-                else:
-                    arrays[name] = array
+            arrays: Arrays = {name: file[name] for name in file.files}
         label: dict[str, Any] = json.loads(str(arrays.pop("label")))
-        found = sorted([*arrays, *left])
         names = label.pop("arrays")
     except Exception as error:
         # Damage shows as whatever it makes zipfile, NumPy and json stumble over.
         raise ValueError(f"it cannot be read: {one_line(error) or repr(error)}") from error
-    if names != found:
-        raise ValueError(f"its arrays are {', '.join(found)}, not {', '.join(names)}")
-    return Stored(label, arrays, left)
+    if names != sorted(arrays):
+        raise ValueError(f"its arrays are {', '.join(sorted(arrays))}, not {', '.join(names)}")
+    return label, arrays

@@ -3,29 +3,60 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Mapping
-from functools import cached_property, partial
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
-from ...errors import UsageError, one_line
+from ...errors import RenderError, UsageError, one_line
 from ...imageio import write_atomically
 from ..config.files import dump_study, load_study
 from ..config.study import Size, Study
 from ..runs.probing import REFERENCED
 from ..runs.results import Image, Run
 from ..runs.scene import scene_digest
-from .arrays import Stored, load_arrays, make_folder, save_arrays
-from .environment import environment
-from .lock import FILE as LOCK
-from .lock import lock_folder
-from .provenance import FILE as PROVENANCE
-from .provenance import differences, digest_of, entry, read_history, usable_digests
-from .references import reference_digest, reference_folder, reference_key, remove_leftovers
+from ..runs.software import environment
+from .arrays import Arrays, load_arrays, make_folder, save_arrays
+from .keys import FILE as PROVENANCE
+from .keys import (
+    differences,
+    digest_of,
+    entry,
+    read_history,
+    reference_digest,
+    reference_folder,
+    reference_key,
+    remove_leftovers,
+    usable_digests,
+)
+
+LOCK = ".lock"
+
+
+def lock_folder(folder: Path) -> FileLock:
+    """
+    Lock a folder until that is undone or the process ends; the file of the lock stays.
+
+    Raises
+    ------
+    UsageError
+        Another process holds it.
+    RenderError
+        The folder cannot be written to.
+    """
+    lock = FileLock(folder / LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise UsageError(
+            f"{folder} is in use by another process: wait for it, or choose another folder"
+        ) from error
+    except OSError as error:
+        raise RenderError(f"cannot write to {folder}: {error.strerror}") from error
+    return lock
 
 
 class StudyFolder:
@@ -59,7 +90,8 @@ class StudyFolder:
         self.digest = digest_of(study)
         self.scene = scene_digest(study)
         self.refused: list[str] = []
-        self._references: dict[Size, tuple[Path, str]] = {}
+        rendered = study.sizes if study.reference else ()
+        self._references = {z: reference_digest(study, z, self.scene) for z in rendered}
         self._lock: FileLock | None = None
         config = path / "config.toml"
         self._history = entry(study)
@@ -68,7 +100,7 @@ class StudyFolder:
         except OSError as error:
             raise UsageError(f"cannot use {path}: {error.strerror}") from error
         if known:
-            self._compare(load_study(str(config)))
+            self._join(load_study(str(config)))
         elif taken:
             raise UsageError(f"{path} exists and holds no study: choose a new folder")
 
@@ -93,8 +125,9 @@ class StudyFolder:
             leftover.unlink()
         remove_leftovers()
         self.write(PROVENANCE, (json.dumps(self._history, indent=1) + "\n").encode())
-        write_atomically(self.path / "config.toml", dump_study(self.study))
-        self._note_environment()
+        self.write("config.toml", dump_study(self.study))
+        if (own := environment()) not in (known := self.environments()):
+            self.write("environment.json", (json.dumps([*known, own], indent=1) + "\n").encode())
 
     def __enter__(self) -> StudyFolder:
         return self
@@ -111,21 +144,13 @@ class StudyFolder:
     def environments(self) -> list[dict[str, str | int]]:
         """Return the machines and versions that worked on this study, first to last."""
         try:
-            found: list[dict[str, str | int]] = json.loads(
-                (self.path / "environment.json").read_text("utf-8")
-            )
-        except (OSError, ValueError):
+            return list(json.loads((self.path / "environment.json").read_text("utf-8")))
+        except (OSError, ValueError, TypeError):
             return []
-        return found
 
-    def _note_environment(self) -> None:
-        known, own = self.environments(), environment()
-        if own not in known:
-            self.write("environment.json", (json.dumps([*known, own], indent=1) + "\n").encode())
-
-    def _compare(self, other: Study) -> None:
-        differing = differences(self.study, other)
-        if differing:
+    def _join(self, other: Study) -> None:
+        """Use what another study has rendered here (UsageError where it is too different)."""
+        if differing := differences(self.study, other):
             raise UsageError(
                 f"{self.path} holds this study with other settings ({', '.join(differing)} "
                 "differ): choose a new folder"
@@ -147,8 +172,8 @@ class StudyFolder:
                 f"('{self.study.scene}' or what it names has changed): choose a new folder"
             )
 
-    def _file(self, kind: str, size: Size, variant: str, index: int) -> Path:
-        return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}.npz"
+    def _file(self, kind: str, size: Size, variant: str, index: int, suffix: str = ".npz") -> Path:
+        return self.path / kind / f"{size[0]}x{size[1]}" / variant / f"{index:04d}{suffix}"
 
     def load_run(self, size: Size, variant: str, index: int) -> Run | None:
         """
@@ -157,22 +182,17 @@ class StudyFolder:
         Its single frames stay on the disk until they are asked for.
         """
         path = self._file("runs", size, variant, index)
-        found = self._load(path, partial(self._check, variant, path), size, leave=("frames",))
+        found = self._load(path, partial(self._check, variant, path), size)
         if found is None:
             return None
-        arrays = found.arrays
-        mean = arrays["mean"]
-
-        def frames() -> Image:
-            return load_arrays(path).arrays["frames"]
-
-        load_frames = frames if "frames" in found.left else None
-        session, software = (str(arrays.get(name, "")) for name in ("session", "software"))
-        return Run(arrays.get("last", mean), mean, arrays["times"], load_frames, session, software)
+        load_frames = None if found.pop("frames", None) is None else partial(_frames, path)
+        mean = found["mean"]
+        session, software = (str(found.get(name, "")) for name in ("session", "software"))
+        return Run(found.get("last", mean), mean, found["times"], load_frames, session, software)
 
     def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
         """Write a finished run (RenderError where the disk refuses it)."""
-        arrays: dict[str, npt.NDArray[Any]] = {
+        arrays: Arrays = {
             "mean": run.mean,
             "times": run.times,
             "session": np.array(run.session),
@@ -189,7 +209,7 @@ class StudyFolder:
         self, size: Size, variant: str, probe: str, index: int
     ) -> dict[str, float] | None:
         """Return what a probe said of a run, or None where it is not known."""
-        path = self._probe_file(size, variant, probe, index)
+        path = self._file(f"probes/{probe}", size, variant, index, ".json")
         if not path.exists():
             return None
         try:
@@ -206,23 +226,15 @@ class StudyFolder:
         self, size: Size, variant: str, probe: str, index: int, numbers: Mapping[str, float]
     ) -> None:
         """Write what a probe said of a run."""
-        path = self._probe_file(size, variant, probe, index)
+        path = self._file(f"probes/{probe}", size, variant, index, ".json")
         content = {**self._label(path), "numbers": dict(numbers)}
         if reference := self._reference_of(probe):
             content["reference"] = reference
-        make_folder(path.parent)
-        write_atomically(path, json.dumps(content).encode())
+        self.write(self._place(path), json.dumps(content).encode())
 
     def _reference_of(self, probe: str) -> str:
         """Return the key of the reference that a probe's answers depend on, if they do."""
-        return self._reference_key if probe in REFERENCED else ""
-
-    @cached_property
-    def _reference_key(self) -> str:
-        return reference_key(self.study)
-
-    def _probe_file(self, size: Size, variant: str, probe: str, index: int) -> Path:
-        return self._file(f"probes/{probe}", size, variant, index).with_suffix(".json")
+        return reference_key(self.study) if probe in REFERENCED else ""
 
     def load_batch(self, size: Size, index: int) -> Image | None:
         """Return a finished batch of the reference, whichever study rendered it, or None."""
@@ -233,7 +245,7 @@ class StudyFolder:
                 raise ValueError("it belongs to another reference or batch")
 
         found = self._load(path, check, size)
-        return None if found is None else found.arrays["mean"]
+        return None if found is None else found["mean"]
 
     def save_batch(self, size: Size, index: int, image: Image) -> None:
         """Write a finished batch of the reference."""
@@ -241,37 +253,37 @@ class StudyFolder:
         save_arrays(path, label, {"mean": image})
 
     def _batch(self, size: Size, index: int) -> tuple[Path, dict[str, str]]:
-        if size not in self._references:
-            digest = reference_digest(self.study, size, self.scene)
-            self._references[size] = (reference_folder(self.study, size, digest), digest)
-        folder, digest = self._references[size]
+        digest = self._references[size]
+        folder = reference_folder(self.study, size, digest)
         return folder / f"{index:04d}.npz", {"digest": digest, "batch": str(index)}
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file of results."""
-        write_atomically(self.path / name, data)
+        """Write a file of results, and the folders that it is in."""
+        path = self.path / name
+        make_folder(path.parent)
+        write_atomically(path, data)
 
     def _place(self, path: Path) -> str:
         return path.relative_to(self.path).as_posix()
 
     def _load(
-        self,
-        path: Path,
-        check: Callable[[Mapping[str, str]], None],
-        size: Size,
-        leave: Collection[str] = (),
-    ) -> Stored | None:
+        self, path: Path, check: Callable[[Mapping[str, str]], None], size: Size
+    ) -> Arrays | None:
         if not path.exists():
             return None
         try:
-            found = load_arrays(path, leave)
-            check(found.label)
-            if found.arrays["mean"].shape != (size[1], size[0], 3):
+            label, arrays = load_arrays(path)
+            check(label)
+            if arrays["mean"].shape != (size[1], size[0], 3):
                 raise ValueError("its image has another size")
         except (ValueError, KeyError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
             return None
-        return found
+        return arrays
+
+
+def _frames(path: Path) -> Image:
+    return load_arrays(path)[1]["frames"]
 
 
 def _is_begun(path: Path) -> bool:

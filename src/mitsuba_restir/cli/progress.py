@@ -1,4 +1,4 @@
-"""A progress bar for studies, with the time left; silent where there is no terminal."""
+"""A progress bar of what is rendered, with the time left; silent where there is no terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ..runner import Progress as Report
+from ..studies.runner import Progress as Report
 
 
 @contextmanager

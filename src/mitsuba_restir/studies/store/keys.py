@@ -1,4 +1,4 @@
-"""Which studies rendered into a folder, and whose finished runs another one may use.
+"""What images depend on, as digests: whose finished runs and references a study may use.
 
 A finished run carries the digest of the study that rendered it. Variants may be added later: the
 folder remembers every digest with the variants that it stood for, and a run is used where its own
@@ -9,12 +9,19 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
+import time
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from ..config.study import Study
+from ...cache import cache_folder
+from ..config.study import Size, Study
 from ..config.tables import to_table
+from ..runs.scene import expand
 
 FILE = "studies.json"
 
@@ -34,6 +41,9 @@ _FREE_KEYS = frozenset(
     }
 )
 
+# Seconds; writing a batch takes less than one.
+_LEFT_AFTER = 3600.0
+
 Variants = Mapping[str, Mapping[str, Any]]
 
 
@@ -48,7 +58,7 @@ def rendering_table(study: Study) -> dict[str, Any]:
 
 def digest_of(study: Study) -> str:
     """Return the digest that finished runs of a study carry."""
-    return hashlib.sha256(json.dumps(rendering_table(study), sort_keys=True).encode()).hexdigest()
+    return _digest(rendering_table(study))
 
 
 def differences(study: Study, other: Study) -> list[str]:
@@ -82,3 +92,54 @@ def usable_digests(history: Mapping[str, Variants], study: Study, variant: str) 
     if own is None:
         return []
     return [digest for digest, variants in history.items() if variants.get(variant) == own]
+
+
+def reference_digest(study: Study, size: Size, scene: str) -> str:
+    """
+    Digest of everything that a batch of a reference depends on, but for its number.
+
+    Parameters
+    ----------
+    scene : str
+        The scene's digest.
+    """
+    assert study.reference is not None
+    content = {
+        "scene": scene,
+        "view": None if study.view is None else asdict(study.view),
+        "size": list(size),
+        "max_depth": study.max_depth,
+        "spp": study.reference.spp // study.reference.batches,
+        "variant": study.mitsuba_variant,
+        "mitsuba": metadata.version("mitsuba"),
+        **({} if study.crop is None else {"crop": list(study.crop)}),
+    }
+    return _digest(content)
+
+
+def reference_key(study: Study) -> str:
+    """Digest of which reference a study has: its settings and its files; empty without one."""
+    if study.reference is None:
+        return ""
+    files = filter(None, (study.reference.file, study.reference.variance))
+    return _digest(asdict(study.reference), *(Path(expand(file)).read_bytes() for file in files))
+
+
+def reference_folder(study: Study, size: Size, digest: str) -> Path:
+    """Folder of the batches of a study's reference that has a digest."""
+    name = re.sub(r"\W+", "-", Path(study.scene).stem or "scene")
+    return cache_folder("references") / f"{name}-{size[0]}x{size[1]}-{digest[:16]}"
+
+
+def remove_leftovers() -> None:
+    """Remove what processes that were killed have left half written in the cache."""
+    for file in cache_folder("references").rglob(".*.partial"):
+        # Other processes may be writing right now, or have removed it.
+        with suppress(OSError):
+            if time.time() - file.stat().st_mtime > _LEFT_AFTER:
+                file.unlink()
+
+
+def _digest(content: object, *files: bytes) -> str:
+    text = json.dumps(content, sort_keys=True).encode()
+    return hashlib.sha256(b"".join([text, *files])).hexdigest()
