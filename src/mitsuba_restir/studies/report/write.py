@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from ..config.study import REFERENCE
 from ..measure.loading import load_size
 from ..measure.results import Measured, Row
 from ..measure.table import Table
-from ..store.arrays import make_folder
 from ..store.folder import StudyFolder
 from .curves import Curves, Record, curves_of, records
 from .drawings import draw
@@ -88,7 +86,10 @@ def _part(
     folder: StudyFolder, data: Measured, rows: Sequence[Row], found: Curves, notes: list[str]
 ) -> Part:
     study = folder.study
-    write = partial(_write, folder, Path("figures") / data.size)
+
+    def write(name: str, content: bytes) -> None:
+        folder.write(f"figures/{data.size}/{name}", content)
+
     try:
         drawings = draw(data, rows, found, write)
     except ImportError as error:
@@ -133,12 +134,7 @@ def _write_frames(folder: StudyFolder, data: Measured) -> None:
     if data.reference is not None and images:
         images[REFERENCE] = data.reference.image.astype(np.float32)
     for name, image in images.items():
-        _write(folder, Path("frames") / data.size, f"{name}.exr", encode_exr(image))
-
-
-def _write(folder: StudyFolder, target: Path, name: str, content: bytes) -> None:
-    make_folder(folder.path / target)
-    folder.write(str(target / name), content)
+        folder.write(f"frames/{data.size}/{name}.exr", encode_exr(image))
 
 
 def _csv(lines: Sequence[Record]) -> bytes:
