@@ -19,7 +19,7 @@ from ..store.folder import StudyFolder
 from .curves import Curves, Record, curves_of, records
 from .drawings import draw
 from .headline import headline
-from .page import Content, Part, page
+from .page import Part, page
 from .pictures import galleries, shown_of
 from .spectra import covariances_by_lag, mask_pictures, mutation_pictures, spectra
 from .strips import strip
@@ -67,18 +67,14 @@ def write_report(folder: StudyFolder, table: Table, command: str) -> Path:
     for name, own in lines.items():
         if own:
             folder.write(f"{name}.csv", _csv(own))
-    content = Content(
-        study.name,
-        study.about,
-        command,
-        facts(study, samples),
-        list(dict.fromkeys(notes)),
-        parts,
-        table.rows,
-        dump_study(study).decode(),
-        folder.environments(),
-    )
-    folder.write(NAME, page(content).encode())
+    said = {
+        "facts": facts(study, samples),
+        "notes": list(dict.fromkeys(notes)),
+        "command": command,
+        "config": dump_study(study).decode(),
+        "environments": folder.environments(),
+    }
+    folder.write(NAME, page(study, table.rows, parts, **said).encode())
     return folder.path / NAME
 
 
