@@ -213,7 +213,7 @@ def test_covariance_by_distance_with_its_error() -> None:
     assert curve[0] == pytest.approx(0.04 / 1.01**2 * np.exp(-1.5 / 16), rel=0.15)
     assert curve[0] > curve[3] > curve[7]
     assert np.all(np.abs(found["white"].covariance) < 4 * found["white"].error + 1e-4)
-    assert len(curves.lag_records(found, "64x48")) == 2 * (2 * curves.LAG_RADIUS + 1) ** 2
+    assert len(curves.records(found, "64x48")) == 2 * (2 * curves.LAG_RADIUS + 1) ** 2
 
 
 def test_power_against_the_baseline() -> None:
@@ -227,7 +227,7 @@ def test_power_against_the_baseline() -> None:
     f = found["white"].frequency
     assert ratio[0][f < 0.06].min() > 3.0
     assert ratio[0][f > 0.3].max() < 0.1
-    lines = curves.radial_records(found, "64x48")
+    lines = curves.records(found, "64x48")
     assert len(lines) == 2 * len(f)
     assert lines[0]["ratio"] == ""
 

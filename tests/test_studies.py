@@ -31,7 +31,7 @@ from mitsuba_restir.studies.config.files import dump_study
 from mitsuba_restir.studies.config.study import Reference, Study, Variant
 from mitsuba_restir.studies.config.tables import from_table, to_table
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
-from mitsuba_restir.studies.report.write import _facts
+from mitsuba_restir.studies.report.words import facts
 from mitsuba_restir.studies.runs.reference import smooth
 from mitsuba_restir.studies.runs.rendering import Renderer, seed_of
 from mitsuba_restir.studies.runs.results import ReferenceImage
@@ -557,7 +557,7 @@ def test_the_report_states_the_samples_that_were_used(study: Study) -> None:
         (study, {"24x16": 48, "8x8": 32}, "path, samples per pixel: 48 at 24x16, 32 at 8x8"),
         (smooth, {"24x16": 48, "8x8": 48}, "path, 48 samples per pixel, smoothed by a Gaussian of"),
     ):
-        assert _facts(changed, samples)["Reference"].startswith(expected)
+        assert facts(changed, samples)["Reference"].startswith(expected)
 
 
 def test_references_are_shared_between_studies(

@@ -2,8 +2,8 @@
 
 The mean of B runs is compared with the reference in pixels, blocks and channels
 (`mitsuba_restir.analysis.bias`). The critical value is Sidak-corrected, so the false-alarm rate of
-a whole test is the stated alpha. Average the runs into 8 to 16 batches first (`batch_means`), so that
-what is tested is closer to Gaussian and the critical value of few degrees of freedom is wide.
+a whole test is the stated alpha. Average the runs into 8 to 16 batches first (`batch_means`), so
+that what is tested is closer to Gaussian and the critical value of few degrees of freedom is wide.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from ...analysis import metrics
 from ...analysis.denoise import denoise
 from ..runs.results import Image, ReferenceImage, Run
 from . import noise
-from .frame_errors import CLIP, filtered_mse, frames_of, last_frame_of, mean_square
+from .frame_errors import filtered_mse, frames_of, last_frame_of
 from .noise import Parts, shares
 from .results import Measure, Measured, Number, Refused, Row, Rows
 from .rows import per_run, reference_of, unless_noisy
@@ -125,14 +125,16 @@ def rmse_displayed(_: Measured, image: Image, reference: ReferenceImage) -> floa
     )
 
 
-def rmse_relative(_: Measured, image: Image, reference: ReferenceImage) -> float:
-    """Root mean squared relative error of luminance."""
-    return float(np.sqrt(max(mean_square(image[None], reference, None), 0.0)))
+def rmse_relative(data: Measured, image: Image, reference: ReferenceImage) -> float:
+    """Root mean squared relative error of luminance, without the reference's own noise."""
+    square, own = noise.relative(data, image, reference)
+    return float(np.sqrt(max(square - own, 0.0)))
 
 
-def rmse_clipped(_: Measured, image: Image, reference: ReferenceImage) -> float:
+def rmse_clipped(data: Measured, image: Image, reference: ReferenceImage) -> float:
     """The same of errors that are clipped at +-4."""
-    return float(np.sqrt(max(mean_square(image[None], reference, CLIP), 0.0)))
+    square, own = noise.clipped(data, image, reference)
+    return float(np.sqrt(max(square - own, 0.0)))
 
 
 def filtered(_: Measured, image: Image, reference: ReferenceImage) -> float:

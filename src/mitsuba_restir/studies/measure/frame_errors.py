@@ -64,12 +64,6 @@ def reference_noise(
     return np.asarray(level * shape / shape.mean())
 
 
-def mean_square(frames: Image, reference: ReferenceImage, clip: float | None) -> float:
-    """Mean squared relative error without the reference's own noise."""
-    errors = relative_errors(frames, reference, clip)
-    return float(np.mean(errors**2) - np.mean(reference_noise(reference, clip)))
-
-
 def filtered_mse(frames: Image, reference: ReferenceImage) -> float:
     """Mean square of the clipped relative error seen through a Gaussian of 1.5 pixels."""
     errors = relative_errors(frames, reference, CLIP)

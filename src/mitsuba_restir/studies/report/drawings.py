@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from ..measure.quantities import NUMBERS
 from ..measure.results import Measured, Row
 from . import figures
 from .colours import line_colours
-from .curves import Curve, Lags, Radial
+from .curves import Curves
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # type: ignore[import-not-found, unused-ignore]
 
 Write = Callable[[str, bytes], None]
-
-
-@dataclass(frozen=True)
-class Curves:
-    """Curves of one size, by variant; empty where there are none."""
-
-    convergence: Mapping[str, Curve] = field(default_factory=dict)
-    radial: Mapping[str, Radial] = field(default_factory=dict)
-    lags: Mapping[str, Lags] = field(default_factory=dict)
 
 
 def draw(data: Measured, rows: Sequence[Row], found: Curves, write: Write) -> dict[str, str]:

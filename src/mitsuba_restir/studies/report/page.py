@@ -5,15 +5,16 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 import jinja2
 import numpy as np
 from PIL import Image as Pillow
 
 from ...imageio import encode_png
-from ..config.study import REFERENCE
+from ..config.study import REFERENCE, Study
 from ..measure.results import Row
 from .colours import Picture
 from .headline import Headline, ends, percent
@@ -37,91 +38,49 @@ class Part:
         How sure the reference is, and what errors leave out.
     strip : array, (H, W, 3), uint8, or None
     galleries : mapping of str to Gallery
-        By key.
+        By key. Those that are layers can be compared, where they have two pictures.
     figures : mapping of str to str
         Drawings as SVG, by caption.
     """
 
     size: str
     headline: Headline
-    baseline: str = ""
-    baselines: Mapping[str, str] = field(default_factory=dict)
-    reference: str = ""
-    strip: Picture | None = None
-    galleries: Mapping[str, Gallery] = field(default_factory=dict)
-    figures: Mapping[str, str] = field(default_factory=dict)
+    baseline: str
+    baselines: Mapping[str, str]
+    reference: str
+    strip: Picture | None
+    galleries: Mapping[str, Gallery]
+    figures: Mapping[str, str]
 
     @property
-    def layers(self) -> dict[str, Gallery]:
-        """What the comparison can show, by key; its pictures are those of the galleries."""
-        return {key: gallery for key, gallery in self.galleries.items() if gallery.layer}
-
-    @property
-    def compared(self) -> list[str]:
-        """Names that the comparison chooses from; fewer than two are not compared."""
-        return list(next((gallery.pictures for gallery in self.layers.values()), ()))
-
-    @property
-    def left(self) -> str:
-        """What the comparison begins with on its left."""
-        return self.baseline if self.baseline in self.compared else self.compared[0]
-
-    @property
-    def right(self) -> str:
-        """What the comparison begins with on its right."""
-        return REFERENCE if REFERENCE in self.compared else self.compared[-1]
+    def layers(self) -> list[Gallery]:
+        """What the comparison can show; empty where there is nothing to compare."""
+        found = [gallery for gallery in self.galleries.values() if gallery.layer]
+        return found if found and len(found[0].pictures) > 1 else []
 
     @property
     def blocks(self) -> dict[str, str]:
         """Headings of what is shown under the headline, by anchor."""
-        compare = len(self.compared) > 1
-        return {
-            **({"strip": "At a glance"} if self.strip is not None else {}),
-            **({"compare": "Compare"} if compare else {}),
+        blocks = {
+            "strip": "At a glance" if self.strip is not None else "",
+            "compare": "Compare" if self.layers else "",
             **{key: gallery.title for key, gallery in self.galleries.items()},
-            **({"figures": "Figures"} if self.figures else {}),
+            "figures": "Figures" if self.figures else "",
         }
+        return {anchor: heading for anchor, heading in blocks.items() if heading}
 
 
-@dataclass(frozen=True)
-class Content:
+def page(study: Study, rows: Sequence[Row], parts: Sequence[Part], **said: Any) -> str:
     """
-    Everything that a report says.
+    Return the page.
 
-    Fields
-    ------
-    title, about, command : str
-        Name of the study, what it is for, and the command that makes it again.
-    facts : mapping of str to str
-        Short facts for the head of the page.
-    notes : sequence of str
-    parts : sequence of Part
+    Parameters
+    ----------
     rows : sequence of Row
-    config : str
-        The study as TOML.
-    environments : sequence of mapping
-        Machines and versions.
+        All numbers.
+    said : mapping of str to object
+        What else the template says: `facts`, `notes`, `command`, `config` and `environments`.
     """
-
-    title: str
-    about: str
-    command: str
-    facts: Mapping[str, str]
-    notes: Sequence[str]
-    parts: Sequence[Part]
-    rows: Sequence[Row]
-    config: str
-    environments: Sequence[Mapping[str, str | int]]
-
-    @property
-    def numbers(self) -> list[tuple[tuple[str, str], list[Row]]]:
-        """Rows that follow each other, by size and quantity."""
-        groups = groupby(self.rows, key=lambda row: (row.size, row.quantity))
-        return [(key, list(rows)) for key, rows in groups]
-
-
-def page(content: Content) -> str:
-    """Return the page."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader(__package__),
         autoescape=True,
@@ -130,7 +89,11 @@ def page(content: Content) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"uri": _uri, "ends": ends, "percent": percent}
-    return environment.get_template("report.html.jinja").render(report=content)
+    environment.globals |= {"reference": REFERENCE}
+    groups = groupby(rows, key=lambda row: (row.size, row.quantity))
+    numbers = [(*key, list(own)) for key, own in groups]
+    template = environment.get_template("report.html.jinja")
+    return template.render(study=study, parts=parts, numbers=numbers, **said)
 
 
 def _uri(picture: Picture) -> str:
