@@ -37,7 +37,7 @@ from mitsuba_restir.studies.runs.rendering import Renderer, seed_of
 from mitsuba_restir.studies.runs.results import ReferenceImage
 from mitsuba_restir.studies.runs.scene import scene_digest
 from mitsuba_restir.studies.runs.software import software
-from mitsuba_restir.studies.store.arrays import load_arrays, save_arrays
+from mitsuba_restir.studies.store.disk import load_arrays, save_arrays
 from mitsuba_restir.studies.store.folder import StudyFolder
 
 STUDY = """

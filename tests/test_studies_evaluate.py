@@ -21,7 +21,8 @@ from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.studies import Study, load_study, packaged_studies, run_study, runner
 from mitsuba_restir.studies.config.adapt import on_scene, quick, without
 from mitsuba_restir.studies.measure.table import Table
-from mitsuba_restir.studies.store.folder import StudyFolder, lock_folder
+from mitsuba_restir.studies.store.disk import lock_folder
+from mitsuba_restir.studies.store.folder import StudyFolder
 
 READY = ("thesis", "decorrelation", "blue_noise", "shifts", "convergence", "moving_camera")
 

@@ -14,7 +14,7 @@ from mitsuba_restir.errors import UsageError
 from mitsuba_restir.studies import load_study, run_study
 from mitsuba_restir.studies.measure.quantities import BENCHMARKS
 from mitsuba_restir.studies.runs.software import environment
-from mitsuba_restir.studies.store.folder import lock_folder
+from mitsuba_restir.studies.store.disk import lock_folder
 
 STUDY = """
 name = "probed"
@@ -82,7 +82,7 @@ def test_two_processes_cannot_share_a_folder(tmp_path: Path) -> None:
     lock = lock_folder(tmp_path)
     code = (
         "import sys; from pathlib import Path\n"
-        "from mitsuba_restir.studies.store.folder import lock_folder\n"
+        "from mitsuba_restir.studies.store.disk import lock_folder\n"
         "lock_folder(Path(sys.argv[1]))"
     )
     command = [sys.executable, "-c", code, str(tmp_path)]

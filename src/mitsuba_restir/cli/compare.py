@@ -186,7 +186,7 @@ def _rows(
         compare_report.Row(
             name,
             1000.0 * statistics.median(run.times),
-            compare_report.mean(errors[name][-tail:]),
+            compare_report.Errors(*np.mean(errors[name][-tail:], axis=0).tolist()),
             _errors(mean := imageio.with_rgb(run.mean, 0), reference),
             study.frames,
             imageio.with_rgb(run.last, 0),

@@ -6,10 +6,10 @@ import csv
 import io
 import json
 import math
-import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image as Pillow
@@ -26,20 +26,11 @@ _LABEL_HEIGHT = 34
 _LABEL_WIDTH = 170
 
 
-@dataclass(frozen=True)
-class Errors:
+class Errors(NamedTuple):
     """relMSE of an image, and relMSE without the largest 0.1 % of the pixels' errors."""
 
     relmse: float
     trimmed: float
-
-
-def mean(errors: Sequence[Errors]) -> Errors:
-    """Return the mean errors of several images."""
-    return Errors(
-        statistics.fmean(one.relmse for one in errors),
-        statistics.fmean(one.trimmed for one in errors),
-    )
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,15 @@ from ..config.study import Crop, Size, Study, Variant
 from .motion import make_place
 from .results import Image
 
+# Plugins of cameras that can be copied, and the parameters that are theirs alone.
 _COPIED = {
-    "PerspectiveCamera": {
-        "principal_point_offset_x": "principal_point_offset_x",
-        "principal_point_offset_y": "principal_point_offset_y",
-    },
-    "ThinLensCamera": {"aperture_radius": "aperture_radius", "focus_distance": "focus_distance"},
+    "PerspectiveCamera": (
+        "perspective",
+        ("principal_point_offset_x", "principal_point_offset_y"),
+    ),
+    "ThinLensCamera": ("thinlens", ("aperture_radius", "focus_distance")),
 }
 _SHOWN = "shown"
-_PLUGINS = {"PerspectiveCamera": "perspective", "ThinLensCamera": "thinlens"}
 
 
 @dataclass(frozen=True)
@@ -127,12 +127,13 @@ def make_sensor(study: Study, scene: Any, size: Size) -> Any:
     kind = sensors[0].class_name() if sensors else ""
     if kind not in _COPIED:
         raise UsageError(f"{study.name}: the scene has no perspective camera: give a [view]")
+    plugin, own = _COPIED[kind]
     values = mi.traverse(sensors[0])
-    names = {"fov": "x_fov", "near_clip": "near_clip", "far_clip": "far_clip", **_COPIED[kind]}
+    names = {"fov": "x_fov", **{name: name for name in ("near_clip", "far_clip", *own)}}
     numbers = {name: float(np.ravel(values[key])[0]) for name, key in names.items()}
     matrix = np.array(values["to_world"].matrix, dtype=np.float64).reshape(4, 4)
     transform = mi.ScalarTransform4f(matrix)
-    return mi.load_dict({"type": _PLUGINS[kind], "to_world": transform, **numbers, **common})
+    return mi.load_dict({"type": plugin, "to_world": transform, **numbers, **common})
 
 
 def _window(crop: Crop | None, size: Size) -> dict[str, int]:

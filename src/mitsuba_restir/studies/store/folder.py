@@ -6,12 +6,12 @@ import json
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
-from ...errors import RenderError, UsageError, one_line
+from ...errors import UsageError, one_line
 from ...imageio import write_atomically
 from ..config.files import dump_study, load_study
 from ..config.study import Size, Study
@@ -19,7 +19,7 @@ from ..runs.probing import REFERENCED
 from ..runs.results import Image, Run
 from ..runs.scene import scene_digest
 from ..runs.software import environment
-from .arrays import Arrays, load_arrays, make_folder, save_arrays
+from .disk import LOCK, Arrays, load_arrays, lock_folder, make_folder, save_arrays
 from .keys import FILE as PROVENANCE
 from .keys import (
     differences,
@@ -33,30 +33,7 @@ from .keys import (
     usable_digests,
 )
 
-LOCK = ".lock"
-
-
-def lock_folder(folder: Path) -> FileLock:
-    """
-    Lock a folder until that is undone or the process ends; the file of the lock stays.
-
-    Raises
-    ------
-    UsageError
-        Another process holds it.
-    RenderError
-        The folder cannot be written to.
-    """
-    lock = FileLock(folder / LOCK, timeout=0)
-    try:
-        lock.acquire()
-    except Timeout as error:
-        raise UsageError(
-            f"{folder} is in use by another process: wait for it, or choose another folder"
-        ) from error
-    except OSError as error:
-        raise RenderError(f"cannot write to {folder}: {error.strerror}") from error
-    return lock
+T = TypeVar("T")
 
 
 class StudyFolder:
@@ -210,17 +187,15 @@ class StudyFolder:
     ) -> dict[str, float] | None:
         """Return what a probe said of a run, or None where it is not known."""
         path = self._file(f"probes/{probe}", size, variant, index, ".json")
-        if not path.exists():
-            return None
-        try:
+
+        def read() -> dict[str, float]:
             content = json.loads(path.read_text("utf-8"))
             self._check(variant, path, content)
             if content.get("reference", "") != self._reference_of(probe):
                 raise ValueError("it was measured with another reference")
             return {str(name): float(value) for name, value in content["numbers"].items()}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            self.refused.append(f"{path} is not used: {one_line(error)}")
-            return None
+
+        return self._trusted(path, read)
 
     def save_probe(
         self, size: Size, variant: str, probe: str, index: int, numbers: Mapping[str, float]
@@ -269,17 +244,24 @@ class StudyFolder:
     def _load(
         self, path: Path, check: Callable[[Mapping[str, str]], None], size: Size
     ) -> Arrays | None:
-        if not path.exists():
-            return None
-        try:
+        def read() -> Arrays:
             label, arrays = load_arrays(path)
             check(label)
             if arrays["mean"].shape != (size[1], size[0], 3):
                 raise ValueError("its image has another size")
-        except (ValueError, KeyError) as error:
+            return arrays
+
+        return self._trusted(path, read)
+
+    def _trusted(self, path: Path, read: Callable[[], T]) -> T | None:
+        """Return what a file holds; None, and a note, where it is damaged or foreign."""
+        if not path.exists():
+            return None
+        try:
+            return read()
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             self.refused.append(f"{path} is not used: {one_line(error)}")
             return None
-        return arrays
 
 
 def _frames(path: Path) -> Image:

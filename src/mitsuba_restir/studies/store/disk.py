@@ -1,4 +1,4 @@
-"""Files of arrays that are complete or absent, and know what they belong to."""
+"""On the disk: files of arrays, complete or absent, that know what they belong to; and locks."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from filelock import FileLock, Timeout
 
-from ...errors import RenderError, one_line
+from ...errors import RenderError, UsageError, one_line
 from ...imageio import write_atomically
+
+LOCK = ".lock"
+"""Name of the file by which a folder is locked."""
 
 Arrays = dict[str, npt.NDArray[Any]]
 
@@ -23,6 +27,29 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RenderError(f"cannot make {folder}: {error.strerror}") from error
+
+
+def lock_folder(folder: Path) -> FileLock:
+    """
+    Lock a folder until that is undone or the process ends; the file of the lock stays.
+
+    Raises
+    ------
+    UsageError
+        Another process holds it.
+    RenderError
+        The folder cannot be written to.
+    """
+    lock = FileLock(folder / LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise UsageError(
+            f"{folder} is in use by another process: wait for it, or choose another folder"
+        ) from error
+    except OSError as error:
+        raise RenderError(f"cannot write to {folder}: {error.strerror}") from error
+    return lock
 
 
 def save_arrays(path: Path, label: Mapping[str, str], arrays: Mapping[str, Any]) -> None:
