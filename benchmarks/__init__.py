@@ -1,1 +1,6 @@
-"""Measurements of the package itself, kept outside of the wheel: ``python -m benchmarks.NAME``."""
+"""Benchmarks: what no picture of a study shows, in a checkout: ``python -m benchmarks.NAME``.
+
+`rays`, `kernels`, `memory` and `startup` measure what a renderer costs, for every variant of a
+STUDY (as for ``mitsuba-restir evaluate``, or a file beside this one). `digests` tells whether a
+change of the code changed a frame.
+"""

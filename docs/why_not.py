@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mitsuba_restir.analysis.reweighting import UNBIASED, biased_in_turn, choice_powers
+from reweighting import UNBIASED, biased_in_turn, choice_powers
 from mitsuba_restir.analysis.spectrum import radial_spectrum
 from mitsuba_restir.sampling.georgiev import image_energy
 from mitsuba_restir.sampling.masks import load_mask, mask_values

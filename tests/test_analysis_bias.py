@@ -1,4 +1,4 @@
-"""The tests of bias are tested: false alarms, injected errors, heavy tails, stated power."""
+"""The tests of bias are tested: false alarms, injected errors, heavy tails, stated bias."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from support import bias
 
-from mitsuba_restir.analysis import bias, power, units
+from mitsuba_restir.analysis.bias import block_sums
 
 SHAPE = (24, 32, 3)
 
@@ -65,7 +66,7 @@ def test_false_alarm_rate_with_heavy_tails(kind: str) -> None:
     failed = 0
     for _ in range(40):
         reference = _reference(rng)
-        runs = units.batch_means(_runs(rng, reference, 64, kind), 8)
+        runs = bias.batch_means(_runs(rng, reference, 64, kind), 8)
         failed += not bias.unbiasedness_test(runs, reference, alpha=0.01).passed
     assert failed <= stats.binom.isf(1e-4, 40, 0.01)
 
@@ -166,7 +167,7 @@ def test_t_and_p_against_scipy() -> None:
 def test_block_sums_by_brute_force(block: int | None) -> None:
     rng = np.random.default_rng(10)
     image = rng.random((2, 13, 17, 3))
-    sums, counts = units.block_sums(image, block)
+    sums, counts = block_sums(image, block)
     step = block or 17
     for row in range(sums.shape[1]):
         for column in range(sums.shape[2]):
@@ -179,9 +180,9 @@ def test_batch_means() -> None:
     rng = np.random.default_rng(11)
     runs = rng.random((12, 4, 5))
     expected = runs.reshape(3, 4, 4, 5).mean(axis=1)
-    np.testing.assert_allclose(units.batch_means((run for run in runs), 4), expected)
+    np.testing.assert_allclose(bias.batch_means((run for run in runs), 4), expected)
     with pytest.raises(ValueError, match="12 runs"):
-        units.batch_means(runs, 5)
+        bias.batch_means(runs, 5)
 
 
 def test_miss_probability_against_noncentral_t() -> None:
@@ -189,7 +190,7 @@ def test_miss_probability_against_noncentral_t() -> None:
         threshold = stats.t.isf(5e-6, freedom)
         for shift in np.linspace(0.5, 3.0, 6) * threshold:
             expected = stats.nct.cdf(threshold, freedom, shift)
-            found = power.miss_probability(shift, threshold, freedom)
+            found = bias.miss_probability(shift, threshold, freedom)
             assert found == pytest.approx(expected, abs=0.03)
 
 
@@ -201,10 +202,10 @@ def test_many_units_of_few_runs_can_be_tested() -> None:
 
 
 def test_sidak() -> None:
-    assert power.sidak(0.01, 1) == pytest.approx(0.01)
-    assert 1 - (1 - power.sidak(0.01, 12345)) ** 12345 == pytest.approx(0.01)
+    assert bias.sidak(0.01, 1) == pytest.approx(0.01)
+    assert 1 - (1 - bias.sidak(0.01, 12345)) ** 12345 == pytest.approx(0.01)
     with pytest.raises(ValueError, match="alpha"):
-        power.sidak(0.0, 3)
+        bias.sidak(0.0, 3)
 
 
 def test_pixels_without_noise() -> None:

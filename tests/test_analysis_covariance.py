@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mitsuba_restir.analysis import covariance, covariance_images, covariance_products
+from mitsuba_restir.analysis.covariance import RunProducts, run_products, temporal_covariance
+from mitsuba_restir.analysis.covariance_images import covariance_map, lag_products
 from mitsuba_restir.analysis.images import LUMINANCE_WEIGHTS, smoothed_reference
+from mitsuba_restir.analysis.intervals import Interval
 
 RADIUS = 2
 
@@ -35,6 +37,21 @@ def _brute_force(runs: np.ndarray, reference: np.ndarray, radius: int) -> tuple[
     return float(np.mean(without)), float(np.mean(including))
 
 
+def relative_covariance(runs: np.ndarray, reference: np.ndarray, *, radius: int = 8) -> RunProducts:
+    return run_products([runs], reference, radius=radius)
+
+
+def covariance_ratio(
+    first: np.ndarray, second: np.ndarray, reference: np.ndarray, *, radius: int = 8
+) -> Interval:
+    own, base = (relative_covariance(r, reference, radius=radius) for r in (first, second))
+    return own.covariance.over(base.covariance)
+
+
+def lag_covariance(runs: np.ndarray, reference: np.ndarray, *, radius: int) -> np.ndarray:
+    return lag_products(runs, reference, radius=radius).sum(axis=0) / (len(runs) - 1)
+
+
 @pytest.fixture
 def field() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)
@@ -45,22 +62,21 @@ def field() -> tuple[np.ndarray, np.ndarray]:
 
 def test_against_brute_force(field: tuple[np.ndarray, np.ndarray]) -> None:
     runs, reference = field
-    found = covariance.relative_covariance(runs, reference, radius=RADIUS)
+    found = relative_covariance(runs, reference, radius=RADIUS)
     without, including = _brute_force(runs, reference, RADIUS)
     assert found.covariance.value == pytest.approx(without, rel=1e-10)
     assert found.with_self.value == pytest.approx(including, rel=1e-10)
     variance = (runs.var(axis=0, ddof=1) / smoothed_reference(reference) ** 2).mean()
     assert found.variance.value == pytest.approx(variance, rel=1e-10)
-    assert found.normalised.value == pytest.approx(without / variance, rel=1e-10)
-    assert (found.radius, found.runs) == (RADIUS, 6)
+    assert found.correlation.value == pytest.approx(without / variance, rel=1e-10)
 
 
 def test_colour_is_luminance(field: tuple[np.ndarray, np.ndarray]) -> None:
     runs, reference = field
     tint = np.array([1.2, 0.9, 0.7])
     grey = float(tint @ LUMINANCE_WEIGHTS)
-    colour = covariance.relative_covariance(runs[..., None] * tint, reference[..., None] * tint)
-    plain = covariance.relative_covariance(grey * runs, grey * reference)
+    colour = relative_covariance(runs[..., None] * tint, reference[..., None] * tint)
+    plain = relative_covariance(grey * runs, grey * reference)
     assert colour.covariance.value == pytest.approx(plain.covariance.value)
 
 
@@ -68,9 +84,7 @@ def test_images_against_numpy(field: tuple[np.ndarray, np.ndarray]) -> None:
     runs, reference = field
     scale = smoothed_reference(reference)
     full = np.cov((runs / scale).reshape(6, -1), rowvar=False).reshape(9, 11, 9, 11)
-    about = covariance_images.pixel_covariance(runs, reference, (4, 7))
-    np.testing.assert_allclose(about, full[4, 7], rtol=1e-9, atol=1e-14)
-    lags = covariance_images.lag_covariance(runs, reference, radius=RADIUS)
+    lags = lag_covariance(runs, reference, radius=RADIUS)
     for dy in range(-RADIUS, RADIUS + 1):
         for dx in range(-RADIUS, RADIUS + 1):
             pairs = [
@@ -79,8 +93,8 @@ def test_images_against_numpy(field: tuple[np.ndarray, np.ndarray]) -> None:
                 for x in range(max(0, -dx), min(11, 11 - dx))
             ]
             assert lags[RADIUS + dy, RADIUS + dx] == pytest.approx(np.mean(pairs), rel=1e-9)
-    window = covariance_images.covariance_map(runs, reference, radius=RADIUS)
-    total = covariance.relative_covariance(runs, reference, radius=RADIUS)
+    window = covariance_map(runs, reference, radius=RADIUS)
+    total = relative_covariance(runs, reference, radius=RADIUS)
     assert window.mean() == pytest.approx(total.covariance.value, rel=1e-10)
     corner = full[0, 0, : RADIUS + 1, : RADIUS + 1].sum() - full[0, 0, 0, 0]
     assert window[0, 0] == pytest.approx(corner / ((RADIUS + 1) ** 2 - 1), rel=1e-9)
@@ -89,11 +103,11 @@ def test_images_against_numpy(field: tuple[np.ndarray, np.ndarray]) -> None:
 def test_leaving_a_run_out_is_exact(field: tuple[np.ndarray, np.ndarray]) -> None:
     """From the inner products of all runs as from the images of all but one."""
     runs, reference = field
-    products = covariance_products.run_products([runs], reference, radius=RADIUS)
-    for term, name in (("window_term", "covariance"), ("self_term", "variance")):
-        found = covariance_products.jackknife_of(getattr(products, term))
+    products = relative_covariance(runs, reference, radius=RADIUS)
+    for name in ("covariance", "with_self", "variance", "correlation"):
+        found = getattr(products, name)
         others = [
-            covariance.relative_covariance(np.delete(runs, k, axis=0), reference, radius=RADIUS)
+            relative_covariance(np.delete(runs, k, axis=0), reference, radius=RADIUS)
             for k in range(len(runs))
         ]
         expected = [getattr(other, name).value for other in others]
@@ -102,8 +116,8 @@ def test_leaving_a_run_out_is_exact(field: tuple[np.ndarray, np.ndarray]) -> Non
 
 def test_two_runs_give_no_interval(field: tuple[np.ndarray, np.ndarray]) -> None:
     runs, reference = field
-    found = covariance.relative_covariance(runs[:2], reference, radius=RADIUS).covariance
-    ratio = covariance.covariance_ratio(runs[:2], runs[2:4], reference, radius=RADIUS)
+    found = relative_covariance(runs[:2], reference, radius=RADIUS).covariance.interval()
+    ratio = covariance_ratio(runs[:2], runs[2:4], reference, radius=RADIUS)
     assert np.isfinite([found.value, ratio.value]).all()
     assert np.isnan([found.low, ratio.low]).all()
 
@@ -127,17 +141,13 @@ def test_intervals_cover_the_known_covariance() -> None:
     counts = window.sum(axis=(2, 3)) - 1
     truth = ((lag * window).sum(axis=(2, 3)) - 0.3) / counts
     expected = float(truth.mean()) / scale
-    hits, trials = np.zeros(4), 200
+    hits, trials = np.zeros(3), 200
     for _ in range(trials):
         first, second = _blotches(rng, 10, 0.3), _blotches(rng, 10, 0.3)
-        found = covariance.relative_covariance(first, reference, radius=RADIUS)
-        intervals = [found.covariance, found.normalised]
-        for paired in (True, False):
-            ratio = covariance.covariance_ratio(
-                first, second, reference, radius=RADIUS, paired=paired
-            )
-            intervals.append(ratio)
-        truths = (expected, expected * scale, 1.0, 1.0)
+        found = relative_covariance(first, reference, radius=RADIUS)
+        intervals = [found.covariance.interval(), found.correlation.interval()]
+        intervals.append(covariance_ratio(first, second, reference, radius=RADIUS))
+        truths = (expected, expected * scale, 1.0)
         hits += [i.low <= t <= i.high for i, t in zip(intervals, truths, strict=True)]
     assert np.all(hits >= 0.92 * trials)
     assert np.all(hits <= 0.99 * trials)
@@ -145,8 +155,9 @@ def test_intervals_cover_the_known_covariance() -> None:
 
 def test_white_noise_has_no_covariance() -> None:
     rng = np.random.default_rng(3)
-    found = covariance.relative_covariance(rng.normal(1.0, 0.5, (32, 40, 40)), np.ones((40, 40)))
-    assert found.covariance.low <= 0.0 <= found.covariance.high
+    found = relative_covariance(rng.normal(1.0, 0.5, (32, 40, 40)), np.ones((40, 40)))
+    interval = found.covariance.interval()
+    assert interval.low <= 0.0 <= interval.high
     assert found.variance.value == pytest.approx(0.25 / 1.01**2, rel=0.03)
 
 
@@ -156,11 +167,14 @@ def test_ratio_of_paired_variants() -> None:
     common = rng.normal(size=(32, 8, 8)).repeat(4, axis=1).repeat(4, axis=2)
     white = rng.normal(size=(2, *common.shape))
     first, second = 1 + 0.8 * common + 0.3 * white[0], 1 + common + 0.3 * white[1]
-    paired = covariance.covariance_ratio(first, second, reference, radius=RADIUS)
-    apart = covariance.covariance_ratio(first, second, reference, radius=RADIUS, paired=False)
+    paired = covariance_ratio(first, second, reference, radius=RADIUS)
+    own, base = (
+        relative_covariance(runs, reference, radius=RADIUS).covariance for runs in (first, second)
+    )
+    apart = np.hypot(own.standard_error / own.value, base.standard_error / base.value)
     assert paired.low <= 0.64 <= paired.high
-    assert paired.value == apart.value
-    assert paired.standard_error < 0.5 * apart.standard_error
+    assert paired.value == own.value / base.value
+    assert paired.standard_error < 0.5 * paired.value * apart
 
 
 def test_temporal_covariance() -> None:
@@ -171,7 +185,7 @@ def test_temporal_covariance() -> None:
         frames[:, t] = 0.8 * frames[:, t - 1] + 0.6 * rng.normal(size=(24, 16, 16))
     reference = np.ones((16, 16))
     for lag, expected in ((0, 1.0), (1, 0.8), (2, 0.64)):
-        found = covariance.temporal_covariance(1.0 + frames, reference, lag=lag)
+        found = temporal_covariance(1.0 + frames, reference, lag=lag)
         assert found.value * 1.01**2 == pytest.approx(expected, abs=0.05)
         direct = [
             (
@@ -187,16 +201,14 @@ def test_temporal_covariance() -> None:
 def test_bad_input(field: tuple[np.ndarray, np.ndarray]) -> None:
     runs, reference = field
     with pytest.raises(ValueError, match="at least 2"):
-        covariance.relative_covariance(runs[:1], reference)
+        relative_covariance(runs[:1], reference)
     with pytest.raises(ValueError, match="pixels"):
-        covariance.relative_covariance(runs, reference[:4])
+        relative_covariance(runs, reference[:4])
     with pytest.raises(ValueError, match="radius"):
-        covariance.relative_covariance(runs, reference, radius=0)
+        relative_covariance(runs, reference, radius=0)
     with pytest.raises(ValueError, match="radius"):
-        covariance_images.lag_covariance(runs, reference, radius=9)
-    with pytest.raises(ValueError, match="outside"):
-        covariance_images.pixel_covariance(runs, reference, (9, 0))
+        lag_covariance(runs, reference, radius=9)
     with pytest.raises(ValueError, match="equal numbers"):
-        covariance.covariance_ratio(runs, runs[:4], reference)
+        covariance_ratio(runs, runs[:4], reference)
     with pytest.raises(ValueError, match="lag"):
-        covariance.temporal_covariance(runs[None], reference, lag=6)
+        temporal_covariance(runs[None], reference, lag=6)

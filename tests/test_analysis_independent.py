@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from mitsuba_restir.analysis import covariance, metrics, perceptual, pixel_bias, spectrum
+from mitsuba_restir.analysis import covariance, metrics, pixel_bias, spectrum
+from mitsuba_restir.analysis.bias import block_sums
 from mitsuba_restir.analysis.images import luminance, smoothed_reference
-from mitsuba_restir.analysis.units import block_sums
 
 filters = pytest.importorskip("skimage.filters", reason="needs scikit-image")
 color = pytest.importorskip("skimage.color")
@@ -66,7 +66,7 @@ def test_smoothed_reference(pair: tuple[np.ndarray, np.ndarray]) -> None:
 def test_filtered_mse() -> None:
     error = np.random.default_rng(12).normal(size=(3, *SHAPE))
     seen = [filters.gaussian(e, 1.5, mode="reflect", preserve_range=True) for e in error]
-    assert perceptual.filtered_mse(error, 1.5) == pytest.approx(np.mean(np.square(seen)))
+    assert metrics.filtered_mse(error, 1.5) == pytest.approx(np.mean(np.square(seen)))
 
 
 def test_block_sums() -> None:
@@ -86,7 +86,7 @@ def test_relative_covariance_of_a_window() -> None:
     count = signal.convolve2d(np.ones(SHAPE), window, mode="same")
     products = [d * signal.convolve2d(d, window, mode="same") / count for d in deviations]
     expected = np.sum(products, axis=0).mean() / 4
-    found = covariance.relative_covariance(runs, reference, radius=radius)
+    found = covariance.run_products([runs], reference, radius=radius)
     assert found.covariance.value == pytest.approx(expected, rel=1e-9)
 
 
@@ -164,7 +164,7 @@ def test_flip_of_low_dynamic_range_images_against_the_order_of_ssim() -> None:
     y = np.linspace(0.2, 0.8, 64)[None, :, None] * np.ones((48, 1, 3))
     noise = rng.standard_normal(y.shape)
     levels = (0.01, 0.03, 0.1, 0.2)
-    flip = [metrics.hdr_flip(np.maximum(y + s * noise, 0.0), y).mean for s in levels]
+    flip = [metrics.hdr_flip(np.maximum(y + s * noise, 0.0), y) for s in levels]
     ssim = [
         skmetrics.structural_similarity(y, y + s * noise, channel_axis=2, data_range=1.0)
         for s in levels

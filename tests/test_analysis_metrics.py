@@ -109,11 +109,9 @@ def test_bad_parameters(pair: tuple[np.ndarray, np.ndarray]) -> None:
 def test_flip(pair: tuple[np.ndarray, np.ndarray]) -> None:
     pytest.importorskip("flip_evaluator")
     image, reference = pair
-    assert metrics.hdr_flip(reference, reference).mean == pytest.approx(0.0, abs=1e-6)
+    assert metrics.hdr_flip(reference, reference) == pytest.approx(0.0, abs=1e-6)
     small = metrics.hdr_flip(0.98 * reference, reference)
-    large = metrics.hdr_flip(image, reference)
-    assert 0.0 < small.mean < large.mean <= large.p95 <= 1.0
-    assert large.error.shape == (12, 17)
+    assert 0.0 < small < metrics.hdr_flip(image, reference) <= 1.0
 
 
 def test_flip_says_what_is_missing(
@@ -135,7 +133,7 @@ def test_denoising_removes_noise() -> None:
     pytest.importorskip("mitsuba_oidn")
     reference = np.full((32, 48, 3), 0.5)
     image = reference * rng.lognormal(0.0, 0.3, reference.shape)
-    clean = denoise(image, albedo=reference)
+    clean = denoise(image)
     assert clean.shape == image.shape
     assert metrics.rmse(clean, reference) < 0.5 * metrics.rmse(image, reference)
 
@@ -162,13 +160,12 @@ def _coverage(build: object, truth: float, trials: int = 300) -> float:
     return hits / trials
 
 
-@pytest.mark.parametrize("paired", [True, False])
-def test_ratio_interval_covers(paired: bool) -> None:
+def test_ratio_interval_covers() -> None:
     def build() -> intervals.Interval:
-        common = rng.lognormal(0.0, 0.4, 8) if paired else 1.0
+        common = rng.lognormal(0.0, 0.4, 8)
         first = 0.5 * common * rng.lognormal(0.0, 0.2, 8)
         second = common * rng.lognormal(0.0, 0.2, 8)
-        return intervals.ratio_interval(first, second, paired=paired)
+        return intervals.ratio_interval(first, second)
 
     assert 0.90 <= _coverage(build, 0.5) <= 0.99
 
@@ -183,10 +180,9 @@ def test_jackknife_of_a_mean_is_student() -> None:
 def test_paired_difference() -> None:
     common = rng.lognormal(0.0, 1.0, 12)
     first, second = common + 0.1 + rng.normal(0.0, 0.02, 12), common
-    found = intervals.paired_difference(first, second)
-    assert found.p_value < 0.01
-    assert found.difference.low > 0.0
-    p_values = [intervals.paired_difference(*rng.normal(size=(2, 8))).p_value for _ in range(200)]
+    assert intervals.sign_flip_p_value(first, second) < 0.01
+    assert intervals.mean_interval(first - second).low > 0.0
+    p_values = [intervals.sign_flip_p_value(*rng.normal(size=(2, 8))) for _ in range(200)]
     assert np.mean(np.array(p_values) < 0.1) == pytest.approx(0.1, abs=0.07)
 
 
@@ -196,7 +192,7 @@ def test_intervals_need_runs() -> None:
     with pytest.raises(ValueError, match="positive means"):
         intervals.ratio_interval([1.0, -3.0], [1.0, 1.0])
     with pytest.raises(ValueError, match="one shape"):
-        intervals.paired_difference([1.0, 2.0], [1.0, 2.0, 3.0])
+        intervals.sign_flip_p_value([1.0, 2.0], [1.0, 2.0, 3.0])
 
 
 def test_displayed_is_what_mitsuba_writes_to_8_bits() -> None:

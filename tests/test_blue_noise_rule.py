@@ -11,11 +11,11 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from support import references
+from support.bias import BiasReport
 from support.modes import Mode
 from support.runs import bias_report, independent_runs, integrator
 from support.scopes import mutation_plan, scope_of
 
-from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.mutations import energy as rule_module
 from mitsuba_restir.mutations.chain import metropolis_hastings
@@ -35,9 +35,9 @@ from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.sampling.georgiev import energy, image_energy
 from mitsuba_restir.studies import load_study, run_study
-from mitsuba_restir.studies.adapt import on_scene, quick, without
-from mitsuba_restir.studies.mutation_spectra import numbers
-from mitsuba_restir.studies.results import ReferenceImage
+from mitsuba_restir.studies.config.adapt import on_scene, quick, without
+from mitsuba_restir.studies.measure.mutation_spectra import numbers
+from mitsuba_restir.studies.runs.results import ReferenceImage
 
 RULES = ("energy", "energy_updated")
 STEP = 0.2

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from mitsuba_restir import cli, imageio
+from mitsuba_restir.cli import compare
 from mitsuba_restir.cli.compare_report import Errors, Row, strip
+from mitsuba_restir.studies import load_study
+from mitsuba_restir.studies.config.adapt import without
 
 IMAGE = np.full((6, 8, 3), 0.5, dtype=np.float32)
 
@@ -77,10 +80,39 @@ def test_the_noise_of_the_reference_is_subtracted_and_named(tmp_path, monkeypatc
     """With few samples, path's own mean must not look worse than it is."""
     monkeypatch.chdir(tmp_path)
     size = ["compare", "cornell", "--resolution", "32x18", "-p", "max_depth=3", "--frames", "128"]
+    others = ["candidates", "spatial", "spatiotemporal"]
+    monkeypatch.setattr(compare, "load_study", lambda name: without(load_study(name), others))
     errors = {}
     for spp in (64, 2048):
-        assert cli.main([*size, "--reference-spp", str(spp), "-o", f"o{spp}"]) == 0
-        variants = json.loads(Path(f"o{spp}/compare.json").read_text())["variants"]
-        errors[spp] = variants[0]["relmse_mean_of_frames"]
-        assert ("do not rely on relMSE of mean" in capsys.readouterr().err) == (spp == 64)
+        found = []
+        # One run says little: a few pixels have most of the error.
+        for seed in range(3):
+            words = ["--reference-spp", str(spp), "--seed", str(seed), "-o", "o"]
+            assert cli.main([*size, *words]) == 0
+            variants = json.loads(Path("o/compare.json").read_text())["variants"]
+            found.append(variants[0]["relmse_mean_of_frames"])
+            noisy = "do not rely on relMSE of mean" in capsys.readouterr().err
+            assert noisy == (spp == 64)
+        errors[spp] = np.median(found)
     assert errors[64] == pytest.approx(errors[2048], rel=0.35)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+def test_every_variant_can_be_compared(variant, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["compare", "cornell", "--resolution", "16x12", "--frames", "2", "-m", variant]
+    assert cli.main([*words, "--reference-spp", "8", "-o", "o"]) == 0
+    assert imageio.read_rgb(Path("o/path_mean.exr")).shape == (12, 16, 3)
+    assert imageio.read_rgb(Path("o/reference.exr")).shape == (12, 16, 3)
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_a_comparison_in_one_line(tmp_path, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(compare, "render_run", interrupted)
+    words = ["compare", "cornell", "--resolution", "16x12", "--reference-spp", "8"]
+    assert cli.main([*words, "-o", str(tmp_path / "o")]) == cli.INTERRUPTED
+    assert capsys.readouterr().err.splitlines()[-1] == "mitsuba-restir: interrupted"

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import pytest
 from support import references
+from support.bias import BiasReport
 from support.modes import MODES
 from support.mutants import Mutation, apply
 from support.runs import bias_report, independent_runs, integrator
 from support.transport import transport_report
-
-from mitsuba_restir.analysis.bias import BiasReport
 
 
 @dataclass(frozen=True)

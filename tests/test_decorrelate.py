@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from support import references
+from support.bias import BiasReport
 from support.modes import Mode
 from support.mutants import Mutation, apply
 from support.runs import assert_unbiased, integrator
@@ -23,7 +24,6 @@ from support.scopes import mutate, mutation_plan, scope_of
 from support.stationarity import FRESH, stationarity_report
 from test_unbiased import ROOM, check, edited, moving_camera
 
-from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.mutations import proposals
 from mitsuba_restir.mutations.chain import metropolis_hastings
 from mitsuba_restir.mutations.pivot import MutationClass, movable

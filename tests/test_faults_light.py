@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from support import references, rooms
+from support.bias import BiasReport
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
 from support.runs import ALPHA, assert_unbiased, bias_report, independent_runs, integrator
@@ -22,7 +23,6 @@ from support.transport import transport_report
 from test_unbiased import check
 from zoo import _texture as texture
 
-from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.neighbors.color_history import ColorHistory, clamped, remember
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.mis import canonical_share, share

@@ -238,12 +238,18 @@ def test_the_cache_is_the_user_s_own(tmp_path):
     program = "from mitsuba_restir.sampling import masks; print(masks.cache_folder())"
     result = subprocess.run(
         [sys.executable, "-c", program],
-        env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
+        env={**os.environ, "MITSUBA_RESTIR_CACHE": "", "XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True,
         text=True,
         check=True,
     )
     assert result.stdout.strip() == str(tmp_path / "mitsuba-restir" / "masks")
+
+
+def test_the_cache_is_where_the_variable_says(tmp_path, monkeypatch):
+    monkeypatch.setenv("MITSUBA_RESTIR_CACHE", str(tmp_path))
+    masks.load_mask("annealing", 16, 1)
+    assert [path.parent for path in tmp_path.rglob("*.npy")] == [tmp_path / "masks"]
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy import stats
 from support import references
+from support.bias import BiasReport
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
 from support.runs import assert_unbiased, bias_report, independent_runs, integrator
 from support.scopes import scope_of
 
-from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.analysis.spectrum import band_power, power_spectrum
 from mitsuba_restir.integrators import frame as frame_module
 from mitsuba_restir.neighbors.ranked import expected_confidence

@@ -18,17 +18,18 @@ import pytest
 from PIL import Image as Pillow
 from scipy import ndimage
 
-import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
-from mitsuba_restir.analysis.covariance_images import lag_covariance
+import mitsuba_restir.studies.store.reference as reference_module
+from mitsuba_restir import cache
+from mitsuba_restir.analysis.covariance_images import lag_products
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.intervals import Interval
 from mitsuba_restir.errors import UsageError
-from mitsuba_restir.studies import Study, cache, load_study, run
-from mitsuba_restir.studies.biases import block_scores
-from mitsuba_restir.studies.frame_errors import chain_spectra
+from mitsuba_restir.studies import Study, load_study, run
+from mitsuba_restir.studies.measure.biases import block_scores
+from mitsuba_restir.studies.measure.frame_errors import chain_spectra
+from mitsuba_restir.studies.measure.results import Measured, Row
 from mitsuba_restir.studies.notebook import Results
-from mitsuba_restir.studies.rendering import Renderer
 from mitsuba_restir.studies.report import curves, figures
 from mitsuba_restir.studies.report.colours import diverging, sequential
 from mitsuba_restir.studies.report.headline import headline, percent, short
@@ -36,7 +37,8 @@ from mitsuba_restir.studies.report.page import _smallest_png
 from mitsuba_restir.studies.report.pictures import galleries, shown_of
 from mitsuba_restir.studies.report.spectra import mask_pictures, mutation_pictures
 from mitsuba_restir.studies.report.strips import CROP, crop_of
-from mitsuba_restir.studies.results import Measured, ReferenceImage, Row, Run
+from mitsuba_restir.studies.runs.rendering import Renderer
+from mitsuba_restir.studies.runs.results import ReferenceImage, Run
 
 STUDY = """
 name = "drawn"
@@ -165,6 +167,10 @@ def test_the_map_of_bias_is_as_quiet_as_it_says_with_few_runs() -> None:
     assert np.std(scores) == pytest.approx(1.0, abs=0.1)
 
 
+def lag_covariance(runs: np.ndarray, reference: np.ndarray, *, radius: int) -> np.ndarray:
+    return lag_products(runs, reference, radius=radius).sum(axis=0) / (len(runs) - 1)
+
+
 def _white_and_blurred() -> Measured:
     """White noise, and the same power in blotches, on a flat truth of luminance 1."""
     rng = np.random.default_rng(6)
@@ -207,7 +213,7 @@ def test_covariance_by_distance_with_its_error() -> None:
     assert curve[0] == pytest.approx(0.04 / 1.01**2 * np.exp(-1.5 / 16), rel=0.15)
     assert curve[0] > curve[3] > curve[7]
     assert np.all(np.abs(found["white"].covariance) < 4 * found["white"].error + 1e-4)
-    assert len(curves.lag_records(found, "64x48")) == 2 * (2 * curves.LAG_RADIUS + 1) ** 2
+    assert len(curves.records(found, "64x48")) == 2 * (2 * curves.LAG_RADIUS + 1) ** 2
 
 
 def test_power_against_the_baseline() -> None:
@@ -221,7 +227,7 @@ def test_power_against_the_baseline() -> None:
     f = found["white"].frequency
     assert ratio[0][f < 0.06].min() > 3.0
     assert ratio[0][f > 0.3].max() < 0.1
-    lines = curves.radial_records(found, "64x48")
+    lines = curves.records(found, "64x48")
     assert len(lines) == 2 * len(f)
     assert lines[0]["ratio"] == ""
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
-
-from mitsuba_restir.analysis.power import sidak
-from mitsuba_restir.analysis.reweighting import (
+from reweighting import (
     UNBIASED,
     Powers,
     biased_in_turn,
@@ -15,6 +12,9 @@ from mitsuba_restir.analysis.reweighting import (
     masked_choice,
     reweighted,
 )
+from scipy import stats
+from support.bias import sidak
+
 from mitsuba_restir.analysis.spectrum import band_power
 from mitsuba_restir.sampling.masks import load_mask, mask_values
 

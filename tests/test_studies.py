@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import sys
 import time
 import zipfile
 from collections.abc import Callable
@@ -18,24 +19,26 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
-import mitsuba_restir.studies.runs as runs_module
-from mitsuba_restir import cli
+import mitsuba_restir.studies.runs.turns as runs_module
+import mitsuba_restir.studies.store.reference as reference_module
+from mitsuba_restir import cache, cli, studies
 from mitsuba_restir.analysis import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import encode_exr, write_atomically
-from mitsuba_restir.studies import cache, load_study, packaged_studies, run_study
-from mitsuba_restir.studies.arrays import load_arrays, save_arrays
-from mitsuba_restir.studies.config import Reference, Study, Variant
-from mitsuba_restir.studies.files import dump_study
-from mitsuba_restir.studies.quantities import QUANTITIES
-from mitsuba_restir.studies.rendering import Renderer, seed_of
-from mitsuba_restir.studies.report.write import _facts
-from mitsuba_restir.studies.results import ReferenceImage
-from mitsuba_restir.studies.software import software
-from mitsuba_restir.studies.store import StudyFolder
-from mitsuba_restir.studies.tables import from_table, to_table
+from mitsuba_restir.studies import load_study, packaged_studies, run_study
+from mitsuba_restir.studies.config.files import dump_study
+from mitsuba_restir.studies.config.study import Reference, Study, Variant
+from mitsuba_restir.studies.config.tables import from_table, to_table
+from mitsuba_restir.studies.measure.quantities import QUANTITIES
+from mitsuba_restir.studies.report.words import facts
+from mitsuba_restir.studies.runs.reference import smooth
+from mitsuba_restir.studies.runs.rendering import Renderer, seed_of
+from mitsuba_restir.studies.runs.results import ReferenceImage
+from mitsuba_restir.studies.runs.scene import scene_digest
+from mitsuba_restir.studies.runs.software import software
+from mitsuba_restir.studies.store.disk import load_arrays, save_arrays
+from mitsuba_restir.studies.store.folder import StudyFolder
 
 STUDY = """
 name = "small"
@@ -117,7 +120,7 @@ def _fake_probe(
     return {
         "peak": 1e6 + 500.0 * size[0] * size[1] + index,
         "number": float(index),
-        "duplicated paths": 0.5,
+        "duplicated paths r=8, after mutations": 0.5,
     }
 
 
@@ -135,6 +138,17 @@ def _files(path: Path) -> dict[str, bytes]:
     return {str(f.relative_to(path)): f.read_bytes() for f in sorted(path.rglob("*.npz"))}
 
 
+ROOMS = ("config", "runs", "store", "measure", "report")
+
+
+def test_rooms_use_only_those_before_them() -> None:
+    house = Path(studies.__file__).parent
+    for place, room in enumerate(ROOMS):
+        for file in (house / room).rglob("*.py"):
+            used = set(re.findall(r"^ *from \.\.(\w+)", file.read_text("utf-8"), re.MULTILINE))
+            assert used <= set(ROOMS[:place]), file
+
+
 def test_a_study_survives_its_own_toml(study: Study, tmp_path: Path) -> None:
     file = tmp_path / "again.toml"
     file.write_bytes(dump_study(study))
@@ -148,6 +162,36 @@ def test_packaged_studies_are_sound(name: str) -> None:
     study = load_study(name)
     assert study.name == name
     assert load_study(name, ["runs=7"]).runs == 7
+
+
+def test_a_study_has_the_keys_of_its_base(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "child.toml").write_text('name = "child"\nbase = "small.toml"\nruns = 5\n')
+    variants = '[variants.only]\ntype = "path"\n'
+    (tmp_path / "grandchild.toml").write_text(
+        f'name = "grandchild"\nbase = "child.toml"\nseed = 9\n{variants}'
+    )
+    child, grandchild = (
+        load_study(str(tmp_path / f"{name}.toml")) for name in ("child", "grandchild")
+    )
+    assert child == replace(study, name="child", runs=5)
+    only = {"only": Variant("path")}
+    assert grandchild == replace(child, name="grandchild", seed=9, variants=only, baseline="only")
+    # What a folder keeps is complete.
+    assert "base =" not in dump_study(child).decode()
+
+
+@pytest.mark.parametrize(
+    ("base", "message"),
+    [
+        ('"bad.toml"', "base = 'bad.toml' leads back to itself"),
+        ('"nowhere"', "'nowhere' is neither a file nor a study of the package"),
+        ("1", "base must be a string, not 1"),
+    ],
+)
+def test_a_base_that_is_none(base: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text(f'name = "bad"\nbase = {base}\n')
+    with pytest.raises(UsageError, match=message):
+        load_study(str(tmp_path / "bad.toml"))
 
 
 def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
@@ -336,6 +380,21 @@ def test_every_quantity_can_be_measured(
     assert all(ratio > 0.0 for ratio in ratios) or "covariance" in name
 
 
+def test_without_flip_one_line_says_so_and_all_else_is_measured(
+    tmp_path: Path,
+    study: Study,
+    log: list[tuple[str, int]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+    changes = ['quantities=["flip", "rmse"]']
+    table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
+    assert {row.quantity for row in table.rows} == {"RMSE"}
+    (note,) = table.notes
+    assert note.startswith("flip at 24x16 is not given in full: HDR-FLIP needs flip-evaluator")
+    assert "\n" not in note
+
+
 def test_quantities_that_share_numbers_give_them_once(
     tmp_path: Path, study: Study, log: list[tuple[str, int]]
 ) -> None:
@@ -347,7 +406,7 @@ def test_quantities_that_share_numbers_give_them_once(
     only = run_study(
         load_study(str(tmp_path / "small.toml"), ['quantities=["duplication"]']), tmp_path / "out"
     )
-    assert {row.quantity for row in only.rows} == {"duplicated paths"}
+    assert {row.quantity for row in only.rows} == {"duplicated paths r=8, after mutations"}
     assert only.rows[1].ratio is not None
     assert only.rows[1].ratio.value == 1.0
     assert only.rows[1].p_value == 1.0
@@ -418,7 +477,7 @@ def test_a_smoothed_reference_is_surer() -> None:
     rng = np.random.default_rng(1)
     noise = 0.1 * rng.standard_normal((200, 40, 50, 3))
     variance = np.full((40, 50, 3), 0.01)
-    images = [reference_module.smooth(ReferenceImage(1.0 + e, variance), 3.0) for e in noise]
+    images = [smooth(ReferenceImage(1.0 + e, variance), 3.0) for e in noise]
     inside = np.var([i.image[15:25, 15:35] for i in images], axis=0).mean()
     assert images[0].variance.mean() == pytest.approx(inside, rel=0.15)
     assert np.mean([i.image for i in images]) == pytest.approx(1.0, abs=1e-3)
@@ -450,7 +509,7 @@ def test_a_probe_with_another_reference_is_asked_again(
     study: Study, tmp_path: Path, log: list[tuple[str, int]]
 ) -> None:
     own = StudyFolder(tmp_path / "out", study)
-    for probe in ("mutation_spectra", "rays"):
+    for probe in ("mutation_spectra", "statistics"):
         own.save_probe((24, 16), "plain", probe, 0, {"number": 1.0})
         assert own.load_probe((24, 16), "plain", probe, 0) == {"number": 1.0}
     own.claim()
@@ -458,7 +517,7 @@ def test_a_probe_with_another_reference_is_asked_again(
     surer = replace(study, reference=replace(study.reference, spp=128))
     other = StudyFolder(tmp_path / "out", surer)
     assert other.load_probe((24, 16), "plain", "mutation_spectra", 0) is None
-    assert other.load_probe((24, 16), "plain", "rays", 0) == {"number": 1.0}
+    assert other.load_probe((24, 16), "plain", "statistics", 0) == {"number": 1.0}
     assert "another reference" in other.refused[0]
 
 
@@ -498,7 +557,7 @@ def test_the_report_states_the_samples_that_were_used(study: Study) -> None:
         (study, {"24x16": 48, "8x8": 32}, "path, samples per pixel: 48 at 24x16, 32 at 8x8"),
         (smooth, {"24x16": 48, "8x8": 48}, "path, 48 samples per pixel, smoothed by a Gaussian of"),
     ):
-        assert _facts(changed, samples)["Reference"].startswith(expected)
+        assert facts(changed, samples)["Reference"].startswith(expected)
 
 
 def test_references_are_shared_between_studies(
@@ -526,11 +585,11 @@ def test_a_scene_is_known_by_its_content(tmp_path: Path, study: Study) -> None:
         '<scene version="3.0.0"><string name="filename" value="meshes/a.ply"/></scene>'
     )
     changed = load_study(str(tmp_path / "small.toml"), [f"scene={scene}"])
-    first = cache.scene_digest(changed)
-    assert first != cache.scene_digest(study)
-    assert cache.scene_digest(changed) == first
+    first = scene_digest(changed)
+    assert first != scene_digest(study)
+    assert scene_digest(changed) == first
     mesh.write_bytes(b"PLY")
-    assert cache.scene_digest(changed) != first
+    assert scene_digest(changed) != first
 
 
 @pytest.mark.parametrize(
@@ -551,9 +610,9 @@ def test_every_file_of_a_scene_is_found(named: str, tmp_path: Path, study: Study
     # A file that is included names others as seen from the scene.
     (tmp_path / "part.xml").write_text('<scene><string value="meshes/a.ply"/></scene>')
     changed = load_study(str(tmp_path / "small.toml"), [f"scene={scene}"])
-    first = cache.scene_digest(changed)
+    first = scene_digest(changed)
     mesh.write_bytes(b"PLY")
-    assert cache.scene_digest(changed) != first
+    assert scene_digest(changed) != first
 
 
 @pytest.mark.parametrize("quantity", ["rmse", "statistics"])
@@ -594,7 +653,7 @@ def test_runs_of_different_software_are_noted(
 
 def test_a_worker_with_another_scene_is_refused(study: Study) -> None:
     with pytest.raises(UsageError, match="every worker needs the same files"):
-        runs_module.remote_run(to_table(study), "another digest", (24, 16), 0, ["plain"])
+        runs_module.remote_run(study, "another digest", (24, 16), 0, ["plain"])
 
 
 @pytest.mark.parametrize("stop", [1, 7, 9, 13, 40, 72])
@@ -694,15 +753,14 @@ def test_no_flipped_byte_is_accepted(tmp_path: Path) -> None:
     for place, byte in enumerate(data):
         file.write_bytes(data[:place] + bytes([byte ^ 0x55]) + data[place + 1 :])
         try:
-            found = load_arrays(file, ("frames",))
+            label, arrays = load_arrays(file)
         except ValueError:
             continue
         # Nobody reads the time stamps and attributes of a ZIP file.
         accepted += 1
-        assert found.label == {"digest": "d"}
-        assert found.left == {"frames": (2,)}
-        assert {name: found.arrays[name].tolist() for name in found.arrays} == {
-            name: array.tolist() for name, array in whole.items()
+        assert label == {"digest": "d"}
+        assert {name: array.tolist() for name, array in arrays.items()} == {
+            name: array.tolist() for name, array in {**whole, "frames": np.ones(2)}.items()
         }
     assert accepted < len(data) / 4
 
@@ -799,7 +857,7 @@ def test_a_folder_that_was_only_begun_is_used(
 def test_leftovers_in_the_cache_are_removed(
     study: Study, tmp_path: Path, log: list[tuple[str, int]]
 ) -> None:
-    folder = cache.cache_folder() / "references" / "other"
+    folder = cache.cache_folder("references") / "other"
     folder.mkdir(parents=True)
     old, new = folder / ".0001.npz.a.partial", folder / ".0001.npz.b.partial"
     for file in (old, new):

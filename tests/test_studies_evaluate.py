@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitsuba_restir import cli
+from mitsuba_restir import cache, cli
 from mitsuba_restir.cli import evaluate
 from mitsuba_restir.cli.arguments import OneLineParser
 from mitsuba_restir.errors import RenderError, UsageError
-from mitsuba_restir.studies import Study, cache, load_study, packaged_studies, run_study, runner
-from mitsuba_restir.studies.adapt import on_scene, quick, without
-from mitsuba_restir.studies.lock import FolderLock
-from mitsuba_restir.studies.store import StudyFolder
-from mitsuba_restir.studies.table import Table
+from mitsuba_restir.studies import Study, load_study, packaged_studies, run_study, runner
+from mitsuba_restir.studies.config.adapt import on_scene, quick, without
+from mitsuba_restir.studies.measure.table import Table
+from mitsuba_restir.studies.store.disk import lock_folder
+from mitsuba_restir.studies.store.folder import StudyFolder
 
 READY = ("thesis", "decorrelation", "blue_noise", "shifts", "convergence", "moving_camera")
 
@@ -129,7 +129,7 @@ def test_variants_can_be_left_out() -> None:
     with pytest.raises(UsageError, match="no variant 'pth' to leave out: there are path"):
         without(load_study("core_time"), ["pth"])
     with pytest.raises(UsageError, match="no variant is left"):
-        without(load_study("core_memory"), ["path", "frame"])
+        without(load_study("core_equal_time"), ["path", "restir"])
 
 
 @pytest.mark.parametrize(
@@ -256,14 +256,14 @@ def test_the_folder_is_locked_until_the_report_is_written(
 
     def write(folder: StudyFolder, table: Table, command: str) -> Path:
         with pytest.raises(UsageError, match="in use by another process"):
-            FolderLock(out)
+            lock_folder(out)
         return out
 
     monkeypatch.setattr(runner, "render_missing", lambda *arguments: None)
     monkeypatch.setattr(runner, "measure", lambda folder: Table([]))
     monkeypatch.setattr(evaluate, "write_report", write)
     assert _evaluate(file, "-o", str(out)) == 0
-    FolderLock(out).release()
+    lock_folder(out).release()
 
 
 KILLER = """
@@ -340,7 +340,7 @@ def test_a_cluster_gives_the_same_numbers(file: str, tmp_path: Path) -> None:
     distributed: Any = pytest.importorskip(
         "distributed", reason="the cluster test needs Dask: pip install 'dask[distributed]'"
     )
-    from mitsuba_restir.studies.dask_cluster import dask_cluster
+    from mitsuba_restir.studies.runs.dask_cluster import dask_cluster
 
     study = load_study(file)
     with (
@@ -356,7 +356,7 @@ def test_a_cluster_gives_the_same_numbers(file: str, tmp_path: Path) -> None:
 
 def test_a_cluster_that_does_not_answer_is_one_line() -> None:
     pytest.importorskip("distributed")
-    from mitsuba_restir.studies import dask_cluster as module
+    from mitsuba_restir.studies.runs import dask_cluster as module
 
     with pytest.raises(UsageError, match="no scheduler answers"), module.dask_cluster("nowhere"):
         pass

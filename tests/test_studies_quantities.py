@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mitsuba_restir.analysis import relative_covariance, spectrum
-from mitsuba_restir.studies.frame_errors import (
+from mitsuba_restir.analysis import run_products, spectrum
+from mitsuba_restir.studies.measure.frame_errors import (
     filtered_mse,
-    mean_square,
     reference_noise,
     relative_errors,
 )
-from mitsuba_restir.studies.mutation_spectra import SHARE
-from mitsuba_restir.studies.quantities import QUANTITIES
-from mitsuba_restir.studies.reference import smooth
-from mitsuba_restir.studies.results import Measured, ReferenceImage, Refused, Row, Run
+from mitsuba_restir.studies.measure.mutation_spectra import SHARE
+from mitsuba_restir.studies.measure.quantities import QUANTITIES
+from mitsuba_restir.studies.measure.results import Measured, Refused, Row
+from mitsuba_restir.studies.runs.reference import smooth
+from mitsuba_restir.studies.runs.results import ReferenceImage, Run
 
 SHAPE = (64, 96)
 
@@ -71,7 +71,8 @@ def test_the_noise_of_the_reference_is_known(sigma: float) -> None:
         reference = smooth(ReferenceImage(noisy, variance), sigma)
         power += spectrum.power_spectrum(relative_errors(frames, reference, None)) / 60
         known += reference_noise(reference, None, "hann") / 60
-        square.append(mean_square(frames, reference, None))
+        square.append(np.mean(relative_errors(frames, reference, None) ** 2))
+        square[-1] -= np.mean(reference_noise(reference, None))
         seen.append(filtered_mse(frames, reference))
     bands = ((0.03, 0.06), (0.06, 0.17)) if sigma else ((0.03, 0.06), (0.06, 0.17), (0.17, 0.5))
     for found, expected in zip(
@@ -92,7 +93,7 @@ def test_covariance_is_that_between_runs_at_equal_frames() -> None:
     # Frames of a run have a common error: between runs it is noise like any other.
     images += 0.1 * rng.standard_normal((6, 1, *SHAPE))
     rows = _rows("covariance", _data({"a": _grey(images)}, reference))
-    single = [relative_covariance(images[:, t], reference.image).covariance.value for t in range(3)]
+    single = [run_products([images[:, t]], reference.image).covariance.value for t in range(3)]
     found = rows["a", "relative covariance r=8"].value
     assert found.value == pytest.approx(np.mean(single), rel=1e-4)
     assert found.low < found.value < found.high

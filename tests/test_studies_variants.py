@@ -11,16 +11,19 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-import mitsuba_restir.studies.reference as reference_module
 import mitsuba_restir.studies.runner as runner
+import mitsuba_restir.studies.store.reference as reference_module
+from mitsuba_restir import cache
 from mitsuba_restir.errors import UsageError
-from mitsuba_restir.studies import Study, cache, load_study, run_study
-from mitsuba_restir.studies.adapt import without
-from mitsuba_restir.studies.derived import with_derived
-from mitsuba_restir.studies.frame_errors import filtered_mse, frames_of
-from mitsuba_restir.studies.rendering import Renderer, load_scene, make_renderer
-from mitsuba_restir.studies.results import Measured, ReferenceImage, Run
-from mitsuba_restir.studies.store import StudyFolder
+from mitsuba_restir.studies import Study, load_study, run_study
+from mitsuba_restir.studies.config.adapt import without
+from mitsuba_restir.studies.measure.derived import with_derived
+from mitsuba_restir.studies.measure.frame_errors import filtered_mse, frames_of
+from mitsuba_restir.studies.measure.results import Measured
+from mitsuba_restir.studies.runs.rendering import Renderer, make_renderer
+from mitsuba_restir.studies.runs.results import ReferenceImage, Run
+from mitsuba_restir.studies.runs.scene import load_scene
+from mitsuba_restir.studies.store.folder import StudyFolder
 
 STUDY = """
 name = "frames"

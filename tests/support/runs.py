@@ -10,8 +10,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_restir.analysis.bias import BiasReport, batch_means, unbiasedness_test
-
+from .bias import BiasReport, batch_means, unbiasedness_test
 from .modes import Mode
 
 BATCHES = 16

@@ -21,13 +21,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_restir.analysis.bias import BiasReport
 from mitsuba_restir.paths.primary_hit import PrimaryHit
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.paths.vertex import exists
 from mitsuba_restir.resampling.reservoir import Reservoir
 from mitsuba_restir.shifts import hybrid
 
+from .bias import BiasReport
 from .modes import Mode
 from .references import Case
 from .runs import bias_report, integrator

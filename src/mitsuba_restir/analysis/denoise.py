@@ -8,19 +8,15 @@ from numpy.typing import ArrayLike
 from .images import FloatArray, finite
 
 
-def denoise(
-    image: ArrayLike, *, albedo: ArrayLike | None = None, normal: ArrayLike | None = None
-) -> FloatArray:
+def denoise(image: ArrayLike) -> FloatArray:
     """
-    Denoise an image with OIDN's filter for high dynamic range.
+    Denoise an image with OIDN's filter for high dynamic range, without guides.
 
     Parameters
     ----------
     image : array_like, (H, W, 3)
         Linear colour, rendered with a box filter: a wider one correlates the noise of neighbouring
         pixels, and the denoiser keeps it.
-    albedo, normal : array_like, (H, W, 3), optional
-        Noise-free guides; OIDN takes normals only together with albedo.
 
     Returns
     -------
@@ -35,10 +31,5 @@ def denoise(
         import mitsuba_oidn
     except ImportError as error:
         raise ImportError("Denoising needs mitsuba-oidn: pip install mitsuba-oidn") from error
-    guides = {
-        name: np.ascontiguousarray(finite(guide, f"The {name}", (3,)), dtype=np.float32)
-        for name, guide in (("albedo", albedo), ("normal", normal))
-        if guide is not None
-    }
     colour = np.ascontiguousarray(finite(image, "The image", (3,)), dtype=np.float32)
-    return np.array(mitsuba_oidn.denoise(colour, hdr=True, **guides), dtype=np.float64)
+    return np.array(mitsuba_oidn.denoise(colour, hdr=True), dtype=np.float64)

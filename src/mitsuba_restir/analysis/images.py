@@ -65,6 +65,27 @@ def image_pair(image: ArrayLike, reference: ArrayLike) -> tuple[FloatArray, Floa
     return a, b
 
 
+def variance_like(variance: ArrayLike | None, shape: tuple[int, ...]) -> FloatArray | float:
+    """
+    Check the variance of a reference of some shape: an array of that shape, a number, or None.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another one, or a value is negative or not finite.
+    """
+    if variance is None:
+        return 0.0
+    values = finite(variance, "The reference variance", (0, 2, 3))
+    if values.ndim and values.shape != shape:
+        raise ValueError(
+            f"The reference variance has shape {values.shape} but the reference has {shape}."
+        )
+    if np.any(values < 0.0):
+        raise ValueError("The reference variance has negative values.")
+    return values
+
+
 def channels_luminance(array: ArrayLike) -> FloatArray:
     """
     Luminance of an array whose last axis is colour (3 channels, or 1 that is luminance already).

@@ -1,4 +1,4 @@
-"""How sure a number is: Student's and jackknife intervals over runs, paired differences."""
+"""How sure a number is: Student's and jackknife intervals over runs, paired tests."""
 
 from __future__ import annotations
 
@@ -84,20 +84,20 @@ class Jackknife:
         half = _quantile(level, self.left_out.size) * error
         return Interval(self.value, self.value - half, self.value + half, error, level)
 
-    def over(self, other: Jackknife, *, paired: bool = True, level: float = 0.95) -> Interval:
+    def over(self, other: Jackknife, *, level: float = 0.95) -> Interval:
         """
-        Return the ratio to another statistic, with Student's interval of its logarithm.
+        Return the ratio to another statistic of the same runs, with an interval of its logarithm.
 
-        Of the ratio itself where one of the two may be negative.
+        Of the ratio itself where one of the two may be negative. The interval is Student's.
 
-        Parameters
-        ----------
-        other : Jackknife
-        paired : bool
-            Run k of both has the same seeds; else the runs are independent.
-        level : float
-            Coverage.
+        Raises
+        ------
+        ValueError
+            If the numbers of runs differ.
         """
+        if self.left_out.size != other.left_out.size:
+            runs = self.left_out.size, other.left_out.size
+            raise ValueError(f"Paired variants need equal numbers of runs, not {runs}.")
         if other.value == 0.0:
             nan = float("nan")
             return Interval(nan, nan, nan, nan, level)
@@ -107,11 +107,8 @@ class Jackknife:
             above, below = np.log(self.left_out), -np.log(other.left_out)
         else:
             above, below = self.left_out / other.value, -ratio * other.left_out / other.value
-        if paired:
-            error = _jackknife_error(above + below)
-        else:
-            error = float(np.hypot(_jackknife_error(above), _jackknife_error(below)))
-        half = _quantile(level, min(above.size, below.size)) * error
+        error = _jackknife_error(above + below)
+        half = _quantile(level, above.size) * error
         if not logarithmic:
             return Interval(ratio, ratio - half, ratio + half, error, level)
         low, high = ratio * np.exp(-half), ratio * np.exp(half)
@@ -139,23 +136,6 @@ def _jackknife_error(left_out: FloatArray) -> float:
 def _quantile(level: float, runs: int) -> float:
     """Student's quantile of a two-sided interval."""
     return float(stats.t.isf((1.0 - level) / 2.0, runs - 1))
-
-
-@dataclass(frozen=True)
-class PairedDifference:
-    """
-    Difference of two variants that were measured on the same runs.
-
-    Fields
-    ------
-    difference : Interval
-        Mean of first - second, with Student's interval.
-    p_value : float
-        Two-sided, by sign flips: all that is assumed is symmetry where there is no difference.
-    """
-
-    difference: Interval
-    p_value: float
 
 
 def _runs(values: ArrayLike, name: str = "The values", least: int = 2) -> FloatArray:
@@ -212,34 +192,28 @@ def with_known_error(mean: Interval, runs: int, error: float) -> Interval:
     return Interval(mean.value, mean.value - half, mean.value + half, total, mean.level)
 
 
-def ratio_interval(
-    first: ArrayLike, second: ArrayLike, *, paired: bool = True, level: float = 0.95
-) -> Interval:
+def ratio_interval(first: ArrayLike, second: ArrayLike, *, level: float = 0.95) -> Interval:
     """
     Ratio of two means, mean(first) / mean(second), with a jackknife interval of its logarithm.
 
     Parameters
     ----------
     first, second : array_like, (K,)
-        Values of K runs each, with positive means.
-    paired : bool
-        Entry k of both comes from the same run (seed) k; else the runs are independent.
+        Values of the same K runs, with positive means.
 
     Raises
     ------
     ValueError
         If a mean, over all runs or all but one, is not positive.
     """
-    a, b = _runs(first, "The first values"), _runs(second, "The second values")
-    if paired:
-        a, b = _pair(a, b)
-    own, base = _jackknife_of_mean(a), _jackknife_of_mean(b)
+    a, b = _pair(first, second)
+    own, base = _mean_and_left_out(a), _mean_and_left_out(b)
     if not (own.is_positive and base.is_positive):
         raise ValueError("A ratio needs positive means over all runs and over all but any one.")
-    return own.over(base, paired=paired, level=level)
+    return own.over(base, level=level)
 
 
-def _jackknife_of_mean(values: FloatArray) -> Jackknife:
+def _mean_and_left_out(values: FloatArray) -> Jackknife:
     return Jackknife(float(values.mean()), (values.sum() - values) / (values.size - 1))
 
 
@@ -259,18 +233,16 @@ def jackknife(values: ArrayLike, statistic: Statistic) -> Jackknife:
     return Jackknife(float(statistic(a)), np.array(left_out, dtype=np.float64))
 
 
-def paired_difference(
-    first: ArrayLike, second: ArrayLike, *, level: float = 0.95, seed: int = 0
-) -> PairedDifference:
+def sign_flip_p_value(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> float:
     """
-    Mean difference of two variants over common runs, with an interval and a paired test.
+    Test that two variants do not differ over common runs, by sign flips: the two-sided p-value.
+
+    All that is assumed is symmetry where there is no difference.
 
     Parameters
     ----------
     first, second : array_like, (K,)
         Entry k of both comes from the same run (seed) k.
-    level : float
-        Coverage of the interval.
     seed : int
         Fixes the sign flips, of which at most 9999 are drawn (all of them where 2^K is smaller).
     """
@@ -283,4 +255,4 @@ def paired_difference(
         vectorized=True,
         rng=np.random.default_rng(seed),
     )
-    return PairedDifference(mean_interval(a - b, level=level), float(test.pvalue))
+    return float(test.pvalue)

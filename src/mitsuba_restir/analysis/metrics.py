@@ -3,42 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import ndimage
 
-from .images import FloatArray, finite, image_pair, luminance
-
-__all__ = [
-    "FlipResult",
-    "displayed",
-    "displayed_variance",
-    "hdr_flip",
-    "luminance",
-    "mean_ratio",
-    "relative_squared_error",
-    "relmse",
-    "rmse",
-    "smape",
-    "trimmed_relmse",
-]
+from .images import FloatArray, finite, image_pair, luminance, variance_like
 
 DEFAULT_EPSILON = 0.01
 DEFAULT_TRIM = 0.001
-
-
-def _variance_like(variance: ArrayLike | None, shape: tuple[int, ...]) -> FloatArray | float:
-    if variance is None:
-        return 0.0
-    values = finite(variance, "The reference variance", (0, 2, 3))
-    if values.ndim and values.shape != shape:
-        raise ValueError(
-            f"The reference variance has shape {values.shape} but the reference has {shape}."
-        )
-    if np.any(values < 0.0):
-        raise ValueError("The reference variance has negative values.")
-    return values
 
 
 def _positive(name: str, value: float) -> float:
@@ -67,7 +40,7 @@ def rmse(
         In units of the image. Zero where subtraction leaves a negative mean.
     """
     a, b = image_pair(image, reference)
-    excess = float(np.mean((a - b) ** 2 - _variance_like(reference_variance, b.shape)))
+    excess = float(np.mean((a - b) ** 2 - variance_like(reference_variance, b.shape)))
     return math.sqrt(max(excess, 0.0))
 
 
@@ -104,7 +77,7 @@ def displayed_variance(image: ArrayLike, variance: ArrayLike) -> FloatArray:
     x = finite(image, "The image", (2, 3))
     power = 1.055 / 2.4 * np.maximum(x, 0.0031308) ** (1.0 / 2.4 - 1.0)
     slope = np.where(x <= 0.0031308, 12.92, power) * ((x > 0.0) & (x < 1.0))
-    return np.asarray(slope**2 * _variance_like(variance, x.shape))
+    return np.asarray(slope**2 * variance_like(variance, x.shape))
 
 
 def relative_squared_error(
@@ -126,7 +99,7 @@ def relative_squared_error(
         Of the shape of the image.
     """
     a, b = image_pair(image, reference)
-    excess = (a - b) ** 2 - _variance_like(reference_variance, b.shape)
+    excess = (a - b) ** 2 - variance_like(reference_variance, b.shape)
     return np.asarray(excess / (b**2 + _positive("epsilon", epsilon)))
 
 
@@ -218,29 +191,9 @@ def mean_ratio(image: ArrayLike, reference: ArrayLike) -> float:
     return float(luminance(a).mean()) / mean
 
 
-@dataclass(frozen=True)
-class FlipResult:
+def hdr_flip(image: ArrayLike, reference: ArrayLike, *, pixels_per_degree: float = 67.0) -> float:
     """
-    HDR-FLIP of an image.
-
-    Fields
-    ------
-    mean, p95 : float
-        Mean and 95th percentile of the map; 0 is equal, 1 the largest difference.
-    error : ndarray, (H, W)
-        The map.
-    """
-
-    mean: float
-    p95: float
-    error: FloatArray
-
-
-def hdr_flip(
-    image: ArrayLike, reference: ArrayLike, *, pixels_per_degree: float = 67.0
-) -> FlipResult:
-    """
-    HDR-FLIP (Andersson et al. 2021) by NVIDIA's `flip-evaluator`.
+    Mean HDR-FLIP (Andersson et al. 2021) by NVIDIA's `flip-evaluator`.
 
     The exposures come from the reference alone, so that variants compared with one reference are
     seen at the same exposures. Negative values are set to zero, as FLIP requires.
@@ -251,6 +204,11 @@ def hdr_flip(
         Linear Rec. 709 of one shape.
     pixels_per_degree : float
         Resolution at which the image is looked at; 67 is FLIP's default.
+
+    Returns
+    -------
+    float
+        Mean of the map; 0 is equal, 1 the largest difference.
 
     Raises
     ------
@@ -265,8 +223,7 @@ def hdr_flip(
     error_map, _, _ = flip_evaluator.evaluate(
         b, a, "HDR", applyMagma=False, parameters={"ppd": float(pixels_per_degree)}
     )
-    values = np.asarray(error_map, dtype=np.float64).reshape(a.shape[:2])
-    return FlipResult(float(values.mean()), float(np.percentile(values, 95.0)), values)
+    return float(np.asarray(error_map, dtype=np.float64).reshape(a.shape[:2]).mean())
 
 
 def _rgb32(image: FloatArray) -> np.ndarray:
@@ -275,3 +232,19 @@ def _rgb32(image: FloatArray) -> np.ndarray:
         raise ValueError(f"FLIP needs 1 or 3 channels, not {colour.shape[2]}.")
     rgb = np.broadcast_to(colour, (*colour.shape[:2], 3))
     return np.ascontiguousarray(np.maximum(rgb, 0.0), dtype=np.float32)
+
+
+def filtered_mse(error: ArrayLike, sigma: float) -> float:
+    """
+    Mean square of the error as seen from a distance, through a Gaussian: mean((g_sigma * e)²).
+
+    Parameters
+    ----------
+    error : array_like, (H, W) or (F, H, W)
+        Error images, mirrored at their border; the mean is over all frames.
+    sigma : float
+        Standard deviation in pixels; 1.5 is about what the eye does to pixels of a screen.
+    """
+    e = finite(error, "The error", (2, 3))
+    seen = ndimage.gaussian_filter(e, (0.0, sigma, sigma)[3 - e.ndim :], mode="reflect")
+    return float(np.mean(seen**2))

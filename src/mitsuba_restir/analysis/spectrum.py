@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from .images import FloatArray, finite, luminance, smoothed_reference
-from .intervals import Interval, mean_interval, ratio_interval
+from .images import FloatArray, finite
 
 Window = Literal["hann", "none"]
 Band = tuple[float, float]
@@ -31,37 +30,6 @@ FINE_BANDS: tuple[Band, ...] = (
 )
 # Reuse leaves its blotches in the first; blue noise is judged in the second.
 TABLE_BANDS: tuple[Band, ...] = ((0.02, 0.06), (0.06, 0.17))
-
-
-def relative_error(
-    image: ArrayLike,
-    reference: ArrayLike,
-    *,
-    sigma: float = 8.0,
-    epsilon: float = 0.01,
-    clip: float | None = None,
-) -> FloatArray:
-    """
-    Relative error of the luminance, (Y_I - Y_R) / (smoothed Y_R + constant).
-
-    Parameters
-    ----------
-    image, reference : array_like, (H, W) or (H, W, C)
-    sigma, epsilon : float
-        Of `smoothed_reference`.
-    clip : float, optional
-        Clip to [-clip, clip]: one firefly is white noise at a power that hides everything else.
-        State it with the result.
-
-    Returns
-    -------
-    ndarray, (H, W)
-    """
-    y, r = luminance(image), luminance(reference)
-    if y.shape != r.shape:
-        raise ValueError(f"The image has {y.shape} pixels but the reference has {r.shape}.")
-    error = (y - r) / smoothed_reference(r, sigma=sigma, epsilon=epsilon)
-    return error if clip is None else np.clip(error, -clip, clip)
 
 
 def power_spectrum(errors: ArrayLike, *, window: Window = "hann") -> FloatArray:
@@ -143,11 +111,6 @@ class RadialSpectrum:
     anisotropy: FloatArray
     count: FloatArray
 
-    def anisotropy_decibel(self, images: int) -> FloatArray:
-        """10 log10(images * anisotropy): 0 dB is isotropic, above 3 dB is worth a look."""
-        with np.errstate(divide="ignore"):
-            return 10.0 * np.log10(images * self.anisotropy)
-
 
 def radial_spectrum(power: ArrayLike) -> RadialSpectrum:
     """
@@ -220,47 +183,3 @@ def low_frequency_share(power: ArrayLike, *, limit: float = 0.125) -> float:
     p = finite(power, "The power spectrum", (2,))
     f = frequencies(p.shape)
     return float(p[(f > 0.0) & (f <= limit)].mean() / p[f > 0.0].mean())
-
-
-@dataclass(frozen=True)
-class BandPower:
-    """Absolute power of one band, and its ratio to the baseline's (None without a baseline)."""
-
-    band: Band
-    power: Interval
-    ratio: Interval | None
-
-
-def compare_bands(
-    power: ArrayLike,
-    baseline: ArrayLike | None = None,
-    *,
-    bands: Sequence[Band] = FINE_BANDS,
-    paired: bool = True,
-    level: float = 0.95,
-) -> list[BandPower]:
-    """
-    Power by band with intervals over independent chains, beside a baseline.
-
-    Parameters
-    ----------
-    power, baseline : array_like, (K, H, W)
-        The mean power spectrum of each chain's frames. Frames of one chain are correlated, so the
-        chain is the unit of the statistics.
-    bands : sequence of (float, float)
-        Limits in cycles/pixel.
-    paired : bool
-        Chain k of both has the same seeds.
-    """
-    own = band_power(power, bands)
-    base = None if baseline is None else band_power(baseline, bands)
-    return [
-        BandPower(
-            (float(band[0]), float(band[1])),
-            mean_interval(own[:, i], level=level),
-            None
-            if base is None
-            else ratio_interval(own[:, i], base[:, i], paired=paired, level=level),
-        )
-        for i, band in enumerate(bands)
-    ]

@@ -1,4 +1,4 @@
-"""``mitsuba-restir compare``: variants side by side, with their errors and times."""
+"""``mitsuba-restir compare``: one run of the study of that name, as a table and a picture."""
 
 from __future__ import annotations
 
@@ -6,111 +6,49 @@ import argparse
 import importlib.resources
 import statistics
 import sys
-import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
-import numpy.typing as npt
 from rich.console import Console
-from rich.progress import track
 
 from .. import imageio
 from ..analysis import metrics
 from ..errors import UsageError, rendering
 from ..imageio import Image
 from ..integrators.declaration import Value
-from ..studies.batches import LEAST_BATCHES, BatchMean
-from ..studies.noise import excess, shares, trimmed
-from ..studies.results import Measured, ReferenceImage
+from ..studies import Study, Variant, load_study
+from ..studies.config.study import REFERENCE, Size
+from ..studies.measure.noise import excess, shares, trimmed
+from ..studies.measure.results import Measured
+from ..studies.runner import Progress
+from ..studies.runs.reference import LEAST_BATCHES, BatchMean
+from ..studies.runs.rendering import (
+    ENDLESS,
+    REFERENCE_KEY,
+    Renderer,
+    make_integrator,
+    renderer_of,
+    seed_of,
+)
+from ..studies.runs.results import ReferenceImage
+from ..studies.runs.turns import rehearse, render_run
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
 from .parameters import parse_parameters
+from .progress import progress_bar
 from .render import add_scene_arguments
-
-MAX_DEPTH = 10
-"""Path length of every variant and of the reference where ``-p max_depth`` does not say else."""
 
 SHARED_PARAMETERS = ("max_depth", "rr_depth", "hide_emitters")
 """Parameters that `path` has too."""
 
-DEFAULT_SIZE = (256, 144)
-DEFAULT_SCENE = "ajar"
 REFERENCE_BATCH = 32
 
-_ReuseOff = dict[str, Value]
-VARIANTS: tuple[tuple[str, str, _ReuseOff], ...] = (
-    ("path", "path", {}),
-    ("candidates", "restir_pt", {"temporal": False, "spatial": False}),
-    ("spatial", "restir_pt", {"temporal": False}),
-    ("spatiotemporal", "restir_pt", {}),
-)
-
-
-@dataclass
-class Run:
-    """
-    One variant while it renders.
-
-    Fields
-    ------
-    label, kind : str
-        Name for the reader, and plugin.
-    integrator : mi.Integrator
-    seconds : list of float
-        Time of each frame.
-    errors : list of Errors
-        Of each frame.
-    total : array, (H, W, 3)
-        Sum of the frames.
-    last : array, (H, W, 3)
-        The last frame.
-    """
-
-    label: str
-    kind: str
-    integrator: Any
-    seconds: list[float] = field(default_factory=list)
-    errors: list[compare_report.Errors] = field(default_factory=list)
-    total: npt.NDArray[np.float64] | None = None
-    last: Image | None = None
-
-    def add(self, image: Image, seconds: float, reference: ReferenceImage) -> None:
-        """Take one frame."""
-        self.seconds.append(seconds)
-        self.errors.append(_errors(image, reference))
-        self.last = image
-        self.total = image + (np.zeros(image.shape) if self.total is None else self.total)
-
-    def row(self, reference: ReferenceImage) -> compare_report.Row:
-        """Summarise: medians of time over the frames after compilation, errors at the end."""
-        assert self.last is not None
-        assert self.total is not None
-        frames = len(self.seconds)
-        # The first two frames compile: the second is the first that has a history.
-        warm = self.seconds[2:] or self.seconds[-1:]
-        tail = self.errors[-max(1, frames // 4) :]
-        mean = (self.total / frames).astype(np.float32)
-        errors = compare_report.Errors(
-            statistics.fmean(entry.relmse for entry in tail),
-            statistics.fmean(entry.trimmed for entry in tail),
-        )
-        milliseconds = 1000.0 * statistics.median(warm)
-        return compare_report.Row(
-            self.label, milliseconds, errors, _errors(mean, reference), frames, self.last, mean
-        )
-
-
-def _errors(image: Image, reference: ReferenceImage) -> compare_report.Errors:
-    truth, variance = reference.image, reference.variance
-    return compare_report.Errors(
-        metrics.relmse(image, truth, reference_variance=variance),
-        metrics.trimmed_relmse(image, truth, reference_variance=variance),
-    )
+Make = Callable[[str, Variant], Renderer]
+"""Makes the renderer of a variant that has a name, in the scene that is compared."""
 
 
 def add_command(commands: Any) -> None:
@@ -149,120 +87,152 @@ def add_command(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compare, or make a reference; 0 when all is written."""
-    console = Console()
-    definitions = as_dict(options.definitions, "-D")
-    parameters: dict[str, Value] = {
-        "max_depth": MAX_DEPTH,
-        **parse_parameters(as_dict(options.parameters, "-p")),
-    }
-    depths = {name: value for name, value in parameters.items() if name in SHARED_PARAMETERS}
-    folder = Path(options.output or f"out/compare-{Path(options.scene).stem}")
     if options.make_reference and options.make_reference.suffix.lower() != ".exr":
         raise UsageError("argument --make-reference: the name must end in .exr")
     loading.choose_variant(options.variant)
-    runs = []
-    for label, kind, reuse in VARIANTS:
-        own = depths if kind == "path" else parameters
-        runs.append(Run(label, kind, loading.make_integrator(kind, {**own, **reuse})))
     given = imageio.read_rgb(options.reference) if options.reference else None
-    size = options.resolution or (given.shape[1::-1] if given is not None else DEFAULT_SIZE)
-    scene = loading.load_scene(options.scene, definitions, size)
-    sensor = loading.choose_sensor(scene, options.sensor)
-    if given is not None and given.shape[1::-1] != size:
-        raise UsageError(
-            f"argument --reference: {options.reference} has {given.shape[1]}x{given.shape[0]} "
-            f"pixels, the images have {size[0]}x{size[1]}"
-        )
-    if options.make_reference:
-        output.prepare_folder(options.make_reference.parent, options.make_reference.name)
-    else:
-        output.prepare_folder(folder)
-    with rendering():
+    study = _study(options, None if given is None else given.shape[1::-1])
+    make = _maker(study, options)
+    renderers = {name: make(name, variant) for name, variant in study.variants.items()}
+    folder = Path(options.output or f"out/compare-{Path(options.scene).stem}")
+    output.prepare_folder(options.make_reference.parent if options.make_reference else folder)
+    spp, origin = options.reference_spp, str(options.reference)
+    with rendering(), progress_bar("reference") as progress:
         if options.make_reference:
-            spp = options.reference_spp
-            image = _render_reference(scene, sensor, depths, spp, options.seed).image
-            metadata = {"integrator": f"path {depths}", "spp": str(spp), "scene": options.scene}
-            data = imageio.encode_exr(image.astype(np.float32), metadata=metadata, half=True)
-            imageio.write_atomically(options.make_reference, data)
-            console.print(f"{options.make_reference}: {spp} samples per pixel by path, {depths}")
+            _write_reference(study, _render_reference(study, make, spp, progress), options)
             return 0
-        source = f"{options.reference}, whose own error is in all errors"
         if given is None:
-            given = _embedded_reference(options.scene, size, depths, options.sensor)
-            source = "the committed one, whose own error is in all errors"
+            given, origin = _embedded_reference(study, options.sensor), "the committed one"
         if given is None:
-            spp = options.reference_spp
-            reference = _render_reference(scene, sensor, depths, spp, options.seed)
+            reference = _render_reference(study, make, spp, progress)
             source = f"path, {spp} samples per pixel, whose own error is subtracted"
         else:
             reference = ReferenceImage(given.astype(np.float64), np.zeros(given.shape))
-        _render_all(runs, scene, sensor, options.frames, options.seed, reference)
-    rows = [entry.row(reference) for entry in runs]
-    title = f"{options.scene}, {size[0]}x{size[1]}, depth {depths['max_depth']}"
+            source = f"{origin}, whose own error is in all errors"
+        rows = _rows(study, renderers, reference, progress)
+    title = f"{study.scene}, {_size(study)}, depth {_depths(study)['max_depth']}"
     compare_report.write(folder, title, rows, reference.image.astype(np.float32))
+    console = Console()
     console.print(compare_report.table(title, source, rows))
     means = {row.label: [row.mean] for row in rows}
-    settings = metrics.DEFAULT_EPSILON, metrics.DEFAULT_TRIM
-    measured = Measured(f"{size[0]}x{size[1]}", {}, runs[0].label, {}, reference, *settings)
-    if text := excess(shares(measured, means, trimmed)):
+    data = Measured(_size(study), {}, "", {}, reference, study.epsilon, study.trim)
+    if text := excess(shares(data, means, trimmed)):
         print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
     console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
     return 0
 
 
-def _track(items: Sequence[int], label: str) -> Iterable[int]:
-    console = Console(stderr=True)
-    return track(items, label, console=console, transient=True, disable=not console.is_terminal)
+def _study(options: argparse.Namespace, given: Size | None) -> Study:
+    """Put what the command line says into the study; `given` is the reference image's size."""
+    study = load_study("compare")
+    size = options.resolution or given or study.sizes[0]
+    if given not in (None, size):
+        raise UsageError(
+            f"argument --reference: {options.reference} has {given[0]}x{given[1]} pixels, the "
+            f"images have {size[0]}x{size[1]}"
+        )
+    parameters = parse_parameters(as_dict(options.parameters, "-p"))
+    shared = {name: value for name, value in parameters.items() if name in SHARED_PARAMETERS}
+    own = {"path": shared, "restir_pt": parameters}
+    variants = {
+        name: replace(variant, parameters={**own[variant.type], **variant.parameters})
+        for name, variant in study.variants.items()
+    }
+    changed = {"scene": options.scene, "frames": options.frames, "seed": options.seed}
+    return replace(study, sizes=(size,), variants=variants, **changed)
 
 
-def _path_seed(seed: int) -> Any:
-    """Wrap a seed for `path`: an int would be compiled into the kernel, anew for every frame."""
-    return dr.opaque(mi.UInt32, seed % 2**32)
+def _size(study: Study) -> str:
+    width, height = study.sizes[0]
+    return f"{width}x{height}"
 
 
-def _render(scene: Any, sensor: Any, integrator: Any, seed: Any, spp: int = 1) -> Image:
-    image = mi.render(scene, integrator=integrator, sensor=sensor, spp=spp, seed=seed)
-    return imageio.with_rgb(image, 0)
+def _depths(study: Study) -> Mapping[str, Value]:
+    """Return the parameters of `path`, which are those of its reference too."""
+    return {"max_depth": study.max_depth, **study.variants[study.baseline].parameters}
 
 
-def _render_all(
-    runs: list[Run], scene: Any, sensor: Any, frames: int, seed: int, reference: ReferenceImage
-) -> None:
-    """Render all variants frame by frame in turn, so that a busy machine cannot favour one."""
-    for frame in _track(range(frames), "comparing"):
-        for entry in runs:
-            start = time.perf_counter()
-            # restir_pt counts its frames itself: equal seeds still give fresh ones.
-            own = _path_seed(seed + frame) if entry.kind == "path" else seed
-            image = _render(scene, sensor, entry.integrator, own)
-            entry.add(image, time.perf_counter() - start, reference)
+def _maker(study: Study, options: argparse.Namespace) -> Make:
+    """Load the scene; unlike a study's own it may have definitions and several sensors."""
+    definitions = as_dict(options.definitions, "-D")
+    scene = loading.load_scene(options.scene, definitions, study.sizes[0])
+    sensor = loading.choose_sensor(scene, options.sensor)
+
+    def make(name: str, variant: Variant) -> Renderer:
+        integrator = make_integrator(study, name, variant)
+        return renderer_of(scene, sensor, integrator, variant.spp, study.freeze)
+
+    return make
 
 
-def _render_reference(
-    scene: Any, sensor: Any, depths: Mapping[str, Value], spp: int, seed: int
-) -> ReferenceImage:
+def _rows(
+    study: Study,
+    renderers: Mapping[str, Renderer],
+    reference: ReferenceImage,
+    report: Progress,
+) -> list[compare_report.Row]:
+    """Render one run of all variants, which take turns, and sum up what each has shown."""
+    errors: dict[str, list[compare_report.Errors]] = {name: [] for name in renderers}
+
+    def seen(name: str, image: Image | None) -> None:
+        assert image is not None
+        errors[name].append(_errors(imageio.with_rgb(image, 0), reference))
+        done = sum(map(len, errors.values()))
+        report(done, len(renderers) * study.frames, "comparing")
+
+    rehearse(study, renderers)
+    finished = render_run(study, renderers, 0, seen)
+    tail = max(1, study.frames // 4)
+    return [
+        compare_report.Row(
+            name,
+            1000.0 * statistics.median(run.times),
+            compare_report.Errors(*np.mean(errors[name][-tail:], axis=0).tolist()),
+            _errors(mean := imageio.with_rgb(run.mean, 0), reference),
+            study.frames,
+            imageio.with_rgb(run.last, 0),
+            mean,
+        )
+        for name, run in finished.items()
+    ]
+
+
+def _errors(image: Image, reference: ReferenceImage) -> compare_report.Errors:
+    truth, variance = reference.image, reference.variance
+    return compare_report.Errors(
+        metrics.relmse(image, truth, reference_variance=variance),
+        metrics.trimmed_relmse(image, truth, reference_variance=variance),
+    )
+
+
+def _render_reference(study: Study, make: Make, spp: int, report: Progress) -> ReferenceImage:
     """Render with `path` in batches, without Russian roulette, from seeds of its own."""
-    endless = {"rr_depth": 2**31 - 1}
-    integrator = loading.make_integrator("path", {**depths, **endless})
     most = min(REFERENCE_BATCH, spp // LEAST_BATCHES)
-    batches = [most] * (spp // most)
-    batches += [spp % most] if spp % most else []
-    mean = BatchMean(sensor.film().crop_size())
-    for index, batch in enumerate(_track(batches, "reference")):
-        image = _render(scene, sensor, integrator, _path_seed(seed + 2**31 + index), batch)
-        mean.add(image, batch)
+    batches = [most] * (spp // most) + ([spp % most] if spp % most else [])
+    parameters = {**_depths(study), **ENDLESS}
+    renderers = {n: make(REFERENCE, Variant("path", n, parameters)) for n in set(batches)}
+    mean = BatchMean(study.sizes[0])
+    for index, samples in enumerate(batches):
+        image, _ = renderers[samples].frame(seed_of(study.seed, REFERENCE_KEY, index))
+        mean.add(imageio.with_rgb(image, 0), samples)
+        report(mean.samples, spp, "reference")
     return mean.image()
 
 
-def _embedded_reference(
-    scene: str, size: tuple[int, int], depths: Mapping[str, Value], sensor: int
-) -> Image | None:
+def _write_reference(study: Study, reference: ReferenceImage, options: argparse.Namespace) -> None:
+    file, spp, depths = options.make_reference, options.reference_spp, _depths(study)
+    metadata = {"integrator": f"path {depths}", "spp": str(spp), "scene": study.scene}
+    data = imageio.encode_exr(reference.image, metadata=metadata, half=True)
+    imageio.write_atomically(file, data)
+    print(f"{file}: {spp} samples per pixel by path, {depths}")
+
+
+def _embedded_reference(study: Study, sensor: int) -> Image | None:
     """Return the reference inside the package, where it is one of exactly this picture."""
-    if (scene, size, sensor) != (DEFAULT_SCENE, DEFAULT_SIZE, 0):
+    own = load_study("compare")
+    same = (study.scene, study.sizes, _depths(study)) == (own.scene, own.sizes, _depths(own))
+    if not same or sensor or not mi.variant().endswith("rgb"):
         return None
-    if dict(depths) != {"max_depth": MAX_DEPTH} or not mi.variant().endswith("rgb"):
-        return None
-    name = f"{scene}_{size[0]}x{size[1]}.exr"
-    resource = importlib.resources.files("mitsuba_restir") / "resources" / name
-    with importlib.resources.as_file(resource) as path:
+    resource = importlib.resources.files("mitsuba_restir") / "resources"
+    with importlib.resources.as_file(resource / f"{own.scene}_{_size(own)}.exr") as path:
         return imageio.read_rgb(path) if path.is_file() else None

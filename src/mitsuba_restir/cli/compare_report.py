@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image as Pillow
@@ -25,8 +26,7 @@ _LABEL_HEIGHT = 34
 _LABEL_WIDTH = 170
 
 
-@dataclass(frozen=True)
-class Errors:
+class Errors(NamedTuple):
     """relMSE of an image, and relMSE without the largest 0.1 % of the pixels' errors."""
 
     relmse: float
@@ -83,21 +83,20 @@ class Row:
             "frames": self.frames,
             "milliseconds_per_frame": self.milliseconds,
         }
-        for suffix, trimmed in (("", False), ("_trimmed", True)):
-            own, charged, mean = self.gains(path, trimmed)
-            pair = (self.frame_errors, self.mean_errors)
-            errors = [entry.trimmed if trimmed else entry.relmse for entry in pair]
-            result |= {
-                f"relmse_frame{suffix}": errors[0],
-                f"relmse_mean_of_frames{suffix}": errors[1],
-                f"gain_last_frame{suffix}": own,
-                f"gain_last_frame_charged_with_all{suffix}": charged,
-                f"gain_mean_of_frames{suffix}": mean,
+        for kind, suffix in (("relmse", ""), ("trimmed", "_trimmed")):
+            own, charged, mean = self.gains(path, kind == "trimmed")
+            numbers = {
+                "relmse_frame": getattr(self.frame_errors, kind),
+                "relmse_mean_of_frames": getattr(self.mean_errors, kind),
+                "gain_last_frame": own,
+                "gain_last_frame_charged_with_all": charged,
+                "gain_mean_of_frames": mean,
             }
-        return {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in result.items()
-        }
+            result |= {
+                f"{name}{suffix}": None if math.isnan(number) else number
+                for name, number in numbers.items()
+            }
+        return result
 
 
 def table(title: str, reference: str, rows: Sequence[Row]) -> Table:
@@ -134,7 +133,6 @@ def strip(title: str, rows: Sequence[Row], reference: Image) -> np.ndarray:
     -------
     array, (H, W, 3), uint8
     """
-    frames = rows[0].frames
     height, width = reference.shape[:2]
     cell_width = max(width, _LABEL_WIDTH) + _MARGIN
     cell_height = height + _LABEL_HEIGHT + _MARGIN
@@ -143,29 +141,24 @@ def strip(title: str, rows: Sequence[Row], reference: Image) -> np.ndarray:
     draw = ImageDraw.Draw(canvas)
     title_font, font = ImageFont.load_default(16), ImageFont.load_default(12)
     draw.text((_MARGIN, _MARGIN), title, fill="black", font=title_font)
-    upper = [
-        (
-            row.last,
-            f"{row.label}, frame {frames}",
-            f"relMSE {row.frame_errors.relmse:.3g}, {row.milliseconds:.0f} ms",
-        )
-        for row in rows
-    ]
-    lower = [
-        (
-            row.mean,
-            f"{row.label}, mean of {frames}",
-            f"relMSE {row.mean_errors.relmse:.3g}, {row.milliseconds * frames / 1000:.1f} s",
-        )
-        for row in rows
-    ]
-    for line, cells in enumerate((upper, lower)):
-        for column, (image, label, numbers) in enumerate([*cells, (reference, "reference", "")]):
+    columns = [_cells(row) for row in rows] + [[(reference, "reference", "")] * 2]
+    for column, cells in enumerate(columns):
+        for line, (image, label, numbers) in enumerate(cells):
             x = _MARGIN + column * cell_width
             y = _LABEL_HEIGHT + line * cell_height
             draw.text((x, y), f"{label}\n{numbers}", fill="black", font=font, spacing=2)
             canvas.paste(Pillow.fromarray(imageio.to_srgb8(image)), (x, y + _LABEL_HEIGHT))
     return np.array(canvas)
+
+
+def _cells(row: Row) -> list[tuple[Image, str, str]]:
+    """Return picture, label and numbers of a row's last frame, and of the mean of all."""
+    seconds = row.milliseconds * row.frames / 1000.0
+    last, mean = (f"relMSE {errors.relmse:.3g}" for errors in (row.frame_errors, row.mean_errors))
+    return [
+        (row.last, f"{row.label}, frame {row.frames}", f"{last}, {row.milliseconds:.0f} ms"),
+        (row.mean, f"{row.label}, mean of {row.frames}", f"{mean}, {seconds:.1f} s"),
+    ]
 
 
 def write(folder: Path, title: str, rows: Sequence[Row], reference: Image) -> None:

@@ -14,13 +14,13 @@ from rich.console import Console
 
 from ..errors import UsageError
 from ..studies import load_study, packaged_studies, write_report
-from ..studies.adapt import on_scene, quick, without
-from ..studies.config import Reference, Study
-from ..studies.dask_cluster import dask_cluster
-from ..studies.files import change_study
-from ..studies.progress import progress_bar
+from ..studies.config.adapt import on_scene, quick, without
+from ..studies.config.files import change_study
+from ..studies.config.study import Reference, Study
 from ..studies.runner import run_folder
-from ..studies.store import StudyFolder
+from ..studies.runs.dask_cluster import dask_cluster
+from ..studies.store.folder import StudyFolder
+from .progress import progress_bar
 
 
 def add_command(commands: Any) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import platformdirs
 
+from .. import cache as kept
 from ..errors import RenderError
 from ..imageio import write_atomically
 from . import georgiev
@@ -68,8 +68,9 @@ def load_mask(
     seed : int
         Of the generator.
     cache : Path, optional
-        Folder of the cache, by default one in the user's own cache directory. A file in it that is
-        damaged is made anew; a folder that cannot be written costs a warning.
+        Folder of the cache, by default one in the user's own cache directory, or in the folder that
+        the environment variable `MITSUBA_RESTIR_CACHE` names. A file in it that is damaged is made
+        anew; a folder that cannot be written costs a warning.
 
     Returns
     -------
@@ -93,7 +94,7 @@ def load_mask(
 
 def cache_folder() -> Path:
     """Folder in which masks are kept unless told otherwise."""
-    return Path(platformdirs.user_cache_dir("mitsuba-restir", appauthor=False)) / "masks"
+    return kept.cache_folder("masks")
 
 
 def _read(path: Path, size: int) -> Ranks | None:

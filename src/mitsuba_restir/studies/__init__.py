@@ -1,11 +1,11 @@
 """Studies: an experiment as data, run so that it can be interrupted, and reported."""
 
-from .config import Motion, Reference, Study, Variant, View
-from .files import load_study, packaged_studies
+from .config.files import load_study, packaged_studies
+from .config.study import Motion, Reference, Study, Variant, View
+from .measure.table import Table
 from .notebook import Results, run
 from .report import write_report
 from .runner import run_study
-from .table import Table
 
 __all__ = [
     "Motion",

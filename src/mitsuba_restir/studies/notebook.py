@@ -9,16 +9,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import UsageError
-from .config import Size, Study
-from .files import load_study
-from .frame_errors import chain_spectra
+from .config.files import load_study
+from .config.study import Size, Study
+from .measure.frame_errors import chain_spectra
+from .measure.loading import load_size
+from .measure.results import Measured, Refused
+from .measure.table import Table
 from .report import curves as report_curves
-from .report import figures, write_report
+from .report import figures
 from .report.colours import line_colours
-from .results import Measured, Refused
-from .runner import Progress, load_size, run_study
-from .store import StudyFolder
-from .table import Table
+from .report.write import write_report
+from .runner import Progress, run_study
+from .store.folder import StudyFolder
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-not-found, import-untyped, unused-ignore]

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..errors import rendering
-from .config import Size, Study
-from .derived import with_derived
-from .measuring import measure_across, measure_size
-from .probes import PROBES
-from .reference import (
+from .config.study import Size, Study
+from .measure.asked import check_quantities, probes_of, shows_images
+from .measure.loading import load_size
+from .measure.measuring import measure_size
+from .measure.probes import PROBES
+from .measure.results import Row
+from .measure.table import Table
+from .runs.reference import read_reference
+from .runs.rendering import Renderer, make_renderer
+from .runs.scene import load_scene
+from .runs.turns import Cluster, rehearse, remote_run, render_run
+from .store.folder import StudyFolder
+from .store.reference import (
     load_reference,
     missing_batches,
-    notes_on_reference,
-    read_reference,
     render_batches,
 )
-from .rendering import Renderer, load_scene, make_renderer
-from .results import Measured, Row
-from .runs import rehearse, remote_run, render_run
-from .software import notes_on_software
-from .store import StudyFolder
-from .table import Table
-from .tables import to_table
 
 Progress = Callable[[int, int, str], None]
-
-Cluster = Callable[[Callable[..., Any], Sequence[Any]], Iterable[tuple[Any, Any]]]
-"""Calls a function with many tuples of arguments; yields (arguments, answer) as they end."""
 
 
 def run_study(
@@ -69,10 +65,11 @@ def run_folder(
 ) -> Table:
     """Do as `run_study`, in a folder that stays locked until it is released."""
     study = folder.study
+    check_quantities(study)
     if study.reference is not None and study.reference.file:
         read_reference(study)
     with rendering(study.name):
-        render_missing(folder, progress or _silent, cluster)
+        render_missing(folder, progress, cluster)
     folder.claim()
     return measure(folder)
 
@@ -87,43 +84,15 @@ def measure(folder: StudyFolder) -> Table:
         found, refused = measure_size(study, data)
         rows += found
         notes += refused
-    rows += measure_across(study, sizes)
     table = Table(rows, tuple(dict.fromkeys(notes)), study.published)
     folder.write("results.csv", table.csv().encode())
     folder.write("results.json", table.json().encode())
     return table
 
 
-def load_size(folder: StudyFolder, size: Size) -> Measured:
-    """Load the finished runs of a size, what the probes said, and the reference."""
-    study = folder.study
-    runs, probes = {}, {}
-    for name in study.variants:
-        loaded = [folder.load_run(size, name, index) for index in range(study.runs)]
-        runs[name] = [run for run in loaded if run is not None]
-        for probe in study.probes():
-            answers = [folder.load_probe(size, name, probe, i) for i in range(study.probe_runs)]
-            probes[name, probe] = [answer for answer in answers if answer is not None]
-    reference = load_reference(folder, size)
-    label = f"{size[0]}x{size[1]}"
-    baselines = {name: study.baseline_of(name) for name in study.variants}
-    rendered_runs = [run for own in runs.values() for run in own]
-    rendered = Measured(
-        label,
-        runs,
-        study.baseline,
-        baselines,
-        reference,
-        study.epsilon,
-        study.trim,
-        probes,
-        settled=study.warmup > 0,
-        notes=[*notes_on_reference(study, reference), *notes_on_software(label, rendered_runs)],
-    )
-    return with_derived(study, rendered)
-
-
-def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | None = None) -> None:
+def render_missing(
+    folder: StudyFolder, progress: Progress | None = None, cluster: Cluster | None = None
+) -> None:
     """Render the runs and batches that are not finished; safe to interrupt at any time."""
     study = folder.study
     todo = {size: _missing_runs(folder, size) for size in study.sizes}
@@ -131,8 +100,8 @@ def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | N
     probes = _missing_probes(folder)
     # A sample of the reference counts as a frame, a probe as a run.
     samples = study.reference.spp // study.reference.batches if study.reference else 0
-    units = _frames_to_render(study, todo) + samples * sum(map(len, batches.values()))
-    meter = _Meter(progress, units + study.length * len(probes))
+    frames = study.length * (len(probes) + sum(len(n) for m in todo.values() for n in m.values()))
+    meter = _Meter(progress, frames + samples * sum(batches.values()))
     if meter.total == 0:
         return
     scene = load_scene(study)
@@ -144,15 +113,15 @@ def render_missing(folder: StudyFolder, progress: Progress, cluster: Cluster | N
         elif missing:
             _render_size(folder, renderers[size], size, missing, meter)
         if batches[size]:
-            label = f"reference {size[0]}x{size[1]}"
-            done = partial(meter.advance, label, samples)
-            render_batches(folder, scene, size, batches[size], done)
+            done = partial(meter.advance, f"reference {size[0]}x{size[1]}", samples)
+            render_batches(folder, scene, size, done)
     for size, name, probe, index in probes:
-        meter.say(f"{size[0]}x{size[1]} {probe} {name}")
+        label = f"{size[0]}x{size[1]} {probe} {name}"
+        meter.advance(label, 0)
         reference = partial(load_reference, folder, size)
         found = PROBES[probe](study, size, name, index, reference)
         folder.save_probe(size, name, probe, index, found)
-        meter.advance(f"{size[0]}x{size[1]} {probe} {name}", study.length)
+        meter.advance(label, study.length)
 
 
 def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
@@ -161,7 +130,7 @@ def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
         (size, name, probe, index)
         for index in range(study.probe_runs)
         for size in study.sizes
-        for probe in study.probes()
+        for probe in probes_of(study)
         for name in study.rendered()
         if folder.load_probe(size, name, probe, index) is None
     ]
@@ -169,18 +138,13 @@ def _missing_probes(folder: StudyFolder) -> list[tuple[Size, str, str, int]]:
 
 def _missing_runs(folder: StudyFolder, size: Size) -> dict[int, list[str]]:
     study = folder.study
-    if not study.shows_images():
+    if not shows_images(study):
         return {}
     missing = {
         index: [name for name in study.rendered() if folder.load_run(size, name, index) is None]
         for index in range(study.runs)
     }
     return {index: names for index, names in missing.items() if names}
-
-
-def _frames_to_render(study: Study, todo: dict[Size, dict[int, list[str]]]) -> int:
-    runs = sum(len(names) for missing in todo.values() for names in missing.values())
-    return runs * study.length
 
 
 def _renderers(
@@ -203,12 +167,12 @@ def _render_size(
 ) -> None:
     study = folder.study
     label = f"{size[0]}x{size[1]}"
-    meter.say(f"{label}: compiling")
+    meter.advance(f"{label}: compiling", 0)
     rehearse(study, renderers)
     for index, names in missing.items():
         run_label = f"{label} run {index + 1}/{study.runs}"
 
-        def advance(name: str, run_label: str = run_label) -> None:
+        def advance(name: str, _: object, run_label: str = run_label) -> None:
             meter.advance(f"{run_label} {name}")
 
         wanted = {name: renderers[name] for name in names}
@@ -221,8 +185,7 @@ def _render_remotely(
 ) -> None:
     """Have a cluster render the runs of a size; each is saved as it comes back."""
     study = folder.study
-    table = to_table(study)
-    tasks = [(table, folder.scene, size, index, names) for index, names in missing.items()]
+    tasks = [(study, folder.scene, size, index, names) for index, names in missing.items()]
     for (*_, index, names), runs in cluster(remote_run, tasks):
         for name in names:
             folder.save_run(size, name, index, runs[name])
@@ -233,18 +196,12 @@ def _render_remotely(
 class _Meter:
     """Counts finished units and passes them on."""
 
-    def __init__(self, progress: Progress, total: int) -> None:
+    def __init__(self, progress: Progress | None, total: int) -> None:
         self._progress = progress
         self.total = total
         self._done = 0
 
-    def say(self, text: str) -> None:
-        self._progress(self._done, self.total, text)
-
     def advance(self, text: str, units: int = 1) -> None:
         self._done += units
-        self.say(text)
-
-
-def _silent(done: int, total: int, text: str) -> None:
-    """Show nothing."""
+        if self._progress is not None:
+            self._progress(self._done, self.total, text)

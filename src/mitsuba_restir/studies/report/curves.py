@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,12 +12,13 @@ import numpy.typing as npt
 from ...analysis import spectrum
 from ...analysis.covariance_images import lag_products
 from ...analysis.images import FloatArray, luminance
-from ..frame_errors import CLIP, frames_of
-from ..noise import refusal, shares, trimmed
-from ..results import Measured, ReferenceImage, Refused, Run
-from ..scalars import relmse
+from ..measure.errors import relmse
+from ..measure.frame_errors import CLIP, chain_spectra, frames_of
+from ..measure.noise import refusal, shares, trimmed
+from ..measure.results import Measured, Refused
+from ..runs.results import ReferenceImage, Run
 
-Values = npt.NDArray[np.float64]
+Values = npt.NDArray[Any]
 Record = dict[str, str | float | int]
 
 LAG_RADIUS = 12
@@ -40,6 +42,17 @@ class Curve:
     single: Values
     average: Values
 
+    def columns(self) -> dict[str, Values]:
+        """Return what is written to a file: means over runs, and their standard errors."""
+        return {
+            "frame": np.arange(1, len(self.seconds) + 1),
+            "seconds": self.seconds,
+            "relmse_trimmed": self.single.mean(axis=0),
+            "relmse_trimmed_error": standard_error(self.single),
+            "relmse_trimmed_of_average": self.average.mean(axis=0),
+            "relmse_trimmed_of_average_error": standard_error(self.average),
+        }
+
 
 @dataclass(frozen=True)
 class Radial:
@@ -58,6 +71,18 @@ class Radial:
     power: Values
     error: Values
     ratio: tuple[Values, Values] | None
+
+    def columns(self) -> dict[str, Values]:
+        """Return what is written to a file; nothing (an empty field) where there is no ratio."""
+        nothing = np.full(self.power.shape, "", dtype=object)
+        ratio, error = (nothing, nothing) if self.ratio is None else self.ratio
+        return {
+            "cycles_per_pixel": self.frequency,
+            "power": self.power,
+            "power_error": self.error,
+            "ratio": ratio,
+            "log_ratio_error": error,
+        }
 
 
 @dataclass(frozen=True)
@@ -78,6 +103,42 @@ class Lags:
     distance: Values
     covariance: Values
     error: Values
+
+    def columns(self) -> dict[str, Values]:
+        """Return what is written to a file, one line for each offset."""
+        dy, dx = np.indices(self.image.shape) - LAG_RADIUS
+        return {"dx": dx.ravel(), "dy": dy.ravel(), "relative_covariance": self.image.ravel()}
+
+
+@dataclass(frozen=True)
+class Curves:
+    """
+    All curves of one size, by variant; empty where there are none.
+
+    Fields
+    ------
+    powers : mapping of str to array, (K, H, W)
+        Spectra of the runs of each variant, as of `chain_spectra`.
+    """
+
+    powers: Mapping[str, FloatArray]
+    convergence: Mapping[str, Curve]
+    radial: Mapping[str, Radial]
+    lags: Mapping[str, Lags]
+
+    def files(self) -> dict[str, Mapping[str, Curve | Radial | Lags]]:
+        """Return what is written to files, by name."""
+        return {"curves": self.convergence, "spectra": self.radial, "covariances": self.lags}
+
+
+def curves_of(data: Measured, notes: list[str]) -> Curves:
+    """Compute all curves; a note instead of those for which the reference is too noisy."""
+    errors = convergence(data)
+    if isinstance(errors, Refused):
+        notes.append(errors.reason)
+        errors = {}
+    powers = {} if data.reference is None else chain_spectra(data, data.reference)
+    return Curves(powers, errors, radial_powers(data, powers), lag_covariances(data))
 
 
 def convergence(data: Measured) -> dict[str, Curve] | Refused:
@@ -179,54 +240,12 @@ def _lags(images: Values, reference: ReferenceImage) -> Lags:
     return Lags(image, np.arange(1.0, LAG_RADIUS + 1.0), by_distance(image), error)
 
 
-def convergence_records(curves: Mapping[str, Curve], size: str) -> list[Record]:
-    """Return the errors as flat records: mean over runs, and its standard error."""
+def records(curves: Mapping[str, Curve | Radial | Lags], size: str) -> list[Record]:
+    """Return the curves of a size as flat records."""
     return [
-        {
-            "size": size,
-            "variant": name,
-            "frame": frame + 1,
-            "seconds": float(curve.seconds[frame]),
-            "relmse_trimmed": float(curve.single[:, frame].mean()),
-            "relmse_trimmed_error": float(standard_error(curve.single)[frame]),
-            "relmse_trimmed_of_average": float(curve.average[:, frame].mean()),
-            "relmse_trimmed_of_average_error": float(standard_error(curve.average)[frame]),
-        }
-        for name, curve in curves.items()
-        for frame in range(len(curve.seconds))
-    ]
-
-
-def radial_records(curves: Mapping[str, Radial], size: str) -> list[Record]:
-    """Return the powers as flat records."""
-    return [
-        {
-            "size": size,
-            "variant": name,
-            "cycles_per_pixel": float(curve.frequency[i]),
-            "power": float(curve.power[i]),
-            "power_error": float(curve.error[i]),
-            "ratio": "" if curve.ratio is None else float(curve.ratio[0][i]),
-            "log_ratio_error": "" if curve.ratio is None else float(curve.ratio[1][i]),
-        }
-        for name, curve in curves.items()
-        for i in range(len(curve.frequency))
-    ]
-
-
-def lag_records(curves: Mapping[str, Lags], size: str) -> list[Record]:
-    """Return the covariances as flat records, one for each offset."""
-    return [
-        {
-            "size": size,
-            "variant": name,
-            "dx": column - LAG_RADIUS,
-            "dy": row - LAG_RADIUS,
-            "relative_covariance": float(curve.image[row, column]),
-        }
-        for name, curve in curves.items()
-        for row in range(curve.image.shape[0])
-        for column in range(curve.image.shape[1])
+        {"size": size, "variant": name, **dict(zip(columns, values, strict=True))}
+        for name, columns in ((name, curve.columns()) for name, curve in curves.items())
+        for values in zip(*(column.tolist() for column in columns.values()), strict=True)
     ]
 
 

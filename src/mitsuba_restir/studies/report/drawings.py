@@ -2,44 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ..results import Measured, Row
+from ..measure.quantities import NUMBERS
+from ..measure.results import Measured, Row
 from . import figures
 from .colours import line_colours
-from .curves import Curve, Lags, Radial
+from .curves import Curves
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # type: ignore[import-not-found, unused-ignore]
 
-# Quantities with a chart of their own where a study has them.
-_QUANTITIES = (
-    "time of a frame",
-    "RMSE",
-    "RMSE, displayed",
-    "relative RMSE, clipped",
-    "relMSE, trimmed",
-    "relative covariance r=8",
-    "relative covariance r=8, clipped",
-    "power 0.02-0.06",
-    "power 0.06-0.17",
-    "filtered MSE, 1.5 px",
-    "HDR-FLIP",
-    "HDR-FLIP after OIDN",
-)
-
 Write = Callable[[str, bytes], None]
-
-
-@dataclass(frozen=True)
-class Curves:
-    """Curves of one size, by variant; empty where there are none."""
-
-    convergence: Mapping[str, Curve] = field(default_factory=dict)
-    radial: Mapping[str, Radial] = field(default_factory=dict)
-    lags: Mapping[str, Lags] = field(default_factory=dict)
 
 
 def draw(data: Measured, rows: Sequence[Row], found: Curves, write: Write) -> dict[str, str]:
@@ -91,7 +66,7 @@ def _figures(data: Measured, rows: Sequence[Row], found: Curves) -> dict[str, tu
             caption = f"Error over {over}: thin, single frames; thick, the average of all so far"
             figure = figures.convergence(found.convergence, over, colours)
             drawn[f"convergence_{over}"] = (caption, figure)
-    for quantity in _QUANTITIES:
+    for quantity in (number.name for number in NUMBERS.values() if number.chart):
         own = [r for r in rows if r.size == data.size and r.quantity == quantity]
         if own:
             key = "".join(c if c.isalnum() else "_" for c in quantity)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..results import Row
+from ..measure.results import Row
 from .colours import line_colours
 from .curves import Curve, Lags, Radial, standard_error
 
@@ -91,39 +91,56 @@ def _dots(axes: Any, values: Any, widths: Any, colours: list[str]) -> None:
     _logarithmic(axes.xaxis)
 
 
+def _lines(
+    lines: Mapping[str, tuple[Any, Any, Any]], colours: Colours, at: float | None = None
+) -> tuple[Figure, Any]:
+    """
+    Draw lines with their intervals.
+
+    Parameters
+    ----------
+    lines : mapping of str to (x, y, (low, high))
+        By variant.
+    at : float, optional
+        Where a line across all of them is drawn.
+    """
+    figure, axes = _axes(3.4)
+    if at is not None:
+        axes.axhline(at, color="#222222", linewidth=0.8)
+    for name, (x, y, ends) in lines.items():
+        axes.plot(x, y, color=colours[name], label=name, linewidth=1.4)
+        axes.fill_between(x, *ends, color=colours[name], alpha=0.15, linewidth=0)
+    return figure, axes
+
+
+def _spectral(axes: Any, label: str) -> None:
+    axes.set(xscale="log", yscale="log", xlabel="frequency [cycles/pixel]", ylabel=label)
+    _logarithmic(axes.xaxis)
+
+
 def radial(curves: Mapping[str, Radial], colours: Colours) -> Figure:
     """Draw the power of the relative error by frequency, with its standard error over runs."""
-    figure, axes = _axes(3.4)
-    for name, curve in curves.items():
-        axes.plot(curve.frequency, curve.power, color=colours[name], label=name, linewidth=1.4)
-        # On a logarithmic axis, what reaches below zero has no lower end.
-        low = np.maximum(curve.power - curve.error, 0.05 * curve.power)
-        high = curve.power + curve.error
-        axes.fill_between(curve.frequency, low, high, color=colours[name], alpha=0.15, linewidth=0)
-    axes.set(xscale="log", yscale="log", xlabel="frequency [cycles/pixel]", ylabel="power of error")
-    _logarithmic(axes.xaxis)
+    # On a logarithmic axis, what reaches below zero has no lower end.
+    lines = {
+        name: (c.frequency, p, (np.maximum(p - c.error, 0.05 * p), p + c.error))
+        for name, c in curves.items()
+        for p in (c.power,)
+    }
+    figure, axes = _lines(lines, colours)
+    _spectral(axes, "power of error")
     _legend(axes)
     return figure
 
 
 def radial_ratio(curves: Mapping[str, Radial], colours: Colours) -> Figure:
     """Draw the power over that of the variant's baseline, with its standard error over runs."""
-    figure, axes = _axes(3.4)
-    shown = {name: curve for name, curve in curves.items() if curve.ratio is not None}
-    axes.axhline(1.0, color="#222222", linewidth=0.8)
-    for name, curve in shown.items():
-        assert curve.ratio is not None
-        ratio, error = curve.ratio
-        axes.plot(curve.frequency, ratio, color=colours[name], label=name, linewidth=1.4)
-        low, high = ratio * np.exp(-error), ratio * np.exp(error)
-        axes.fill_between(curve.frequency, low, high, color=colours[name], alpha=0.15, linewidth=0)
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlabel="frequency [cycles/pixel]",
-        ylabel="power over baseline's",
-    )
-    _logarithmic(axes.xaxis)
+    lines = {}
+    for name, curve in curves.items():
+        if curve.ratio is not None:
+            ratio, error = curve.ratio
+            lines[name] = (curve.frequency, ratio, (ratio * np.exp(-error), ratio * np.exp(error)))
+    figure, axes = _lines(lines, colours, at=1.0)
+    _spectral(axes, "power over baseline's")
     _logarithmic(axes.yaxis)
     _legend(axes)
     return figure
@@ -131,12 +148,11 @@ def radial_ratio(curves: Mapping[str, Radial], colours: Colours) -> Figure:
 
 def lags(curves: Mapping[str, Lags], colours: Colours) -> Figure:
     """Draw the relative covariance of two pixels against their distance, with its error."""
-    figure, axes = _axes(3.4)
-    axes.axhline(0.0, color="#222222", linewidth=0.8)
-    for name, curve in curves.items():
-        axes.plot(curve.distance, curve.covariance, color=colours[name], label=name, linewidth=1.4)
-        low, high = curve.covariance - curve.error, curve.covariance + curve.error
-        axes.fill_between(curve.distance, low, high, color=colours[name], alpha=0.15, linewidth=0)
+    lines = {
+        name: (c.distance, c.covariance, (c.covariance - c.error, c.covariance + c.error))
+        for name, c in curves.items()
+    }
+    figure, axes = _lines(lines, colours, at=0.0)
     axes.set(xlabel="distance [pixels]", ylabel="relative covariance", xlim=(1.0, None))
     _legend(axes)
     return figure

@@ -7,33 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ...analysis.intervals import Interval
-from ..results import Row
-
-_ROBUST, _TRIMMED = "relative RMSE, clipped", "relMSE, trimmed"
-
-# Quantity, heading, and whether less is better (None where neither is).
-_COLUMNS: tuple[tuple[str, str, bool | None], ...] = (
-    ("time of a frame", "Time of a frame", True),
-    ("RMSE", "RMSE", True),
-    ("RMSE, displayed", "RMSE, displayed", True),
-    (_ROBUST, "Relative RMSE, clipped", True),
-    (_TRIMMED, "relMSE, trimmed", True),
-    ("relMSE of the average", "relMSE of the average", True),
-    ("equal time: last frame at its own time", "Equal time, last frame", False),
-    ("equal time: last frame charged with all", "Equal time, charged with all", False),
-    ("equal time: average of all frames", "Equal time, average", False),
-    ("relative covariance r=8", "Relative covariance", True),
-    ("relative covariance r=8, clipped", "Covariance, clipped", True),
-    ("covariance r=8 within a sequence", "Covariance in a sequence", True),
-    ("duplicated paths r=8, after mutations", "Duplicated paths", None),
-    ("power 0.02-0.06", "Power .02–.06 c/px", True),
-    ("power 0.06-0.17", "Power .06–.17 c/px", True),
-    ("filtered MSE, 1.5 px", "Filtered MSE", True),
-    ("HDR-FLIP", "FLIP", True),
-    ("RMSE after OIDN", "RMSE after OIDN", True),
-    ("mean against the baseline, minus 1", "Mean, against baseline", None),
-    ("rms pixel bias against the baseline", "Pixel bias, rms", None),
-)
+from ..measure.quantities import NUMBERS
+from ..measure.results import Number, Row
 
 # A ratio whose interval spans more than this factor says nothing.
 _WIDEST = 20.0
@@ -77,34 +52,35 @@ def headline(
     """Choose the numbers of one size that make up the headline table."""
     found = {(row.variant, row.quantity): row for row in rows if row.size == size}
     quantities = {quantity for _, quantity in found}
-    columns = [column for column in _COLUMNS if column[0] in quantities]
-    if {_ROBUST, _TRIMMED} <= quantities:
-        # Two errors that fireflies do not decide say the same; one of them is enough here.
-        columns = [column for column in columns if column[0] != _TRIMMED]
+    columns = [
+        number
+        for number in NUMBERS.values()
+        if number.heading and number.name in quantities and number.yields_to not in quantities
+    ]
     variants = dict.fromkeys(row.variant for row in rows if row.size == size)
     lines = {
         name: [
-            _cell(found.get((name, quantity)), less, published.get(name, {}).get(quantity))
-            for quantity, _, less in columns
+            _cell(found.get((name, number.name)), number, published.get(name, {}).get(number.name))
+            for number in columns
         ]
         for name in variants
     }
-    return Headline([heading for _, heading, _ in columns], lines)
+    return Headline([number.heading for number in columns], lines)
 
 
-def _cell(row: Row | None, less_is_better: bool | None, published: float | None) -> Cell | None:
+def _cell(row: Row | None, number: Number, published: float | None) -> Cell | None:
     if row is None:
         return None
     unit = f" {row.unit}" if row.unit else ""
     other = "" if published is None else f"{published:.4g}{unit}"
-    if less_is_better is None:
+    if not number.better:
         return Cell(_percentage(row.value.value), _percentages(row.value), published=other)
     ratio, verdict = "", ""
     if row.ratio is not None:
         ratio = percent(row.ratio)
         if _is_sure(row.ratio, row.p_value):
-            verdict = "better" if (row.ratio.high < 1.0) == less_is_better else "worse"
-    elif not less_is_better and (row.value.high < 1.0 or row.value.low > 1.0):
+            verdict = "better" if (row.ratio.high < 1.0) == (number.better == "less") else "worse"
+    elif number.better == "more" and (row.value.high < 1.0 or row.value.low > 1.0):
         verdict = "better" if row.value.low > 1.0 else "worse"
     return Cell(f"{short(row.value.value)}{unit}", ends(row.value), ratio, verdict, other)
 

@@ -1,25 +1,24 @@
-"""The report as one HTML page that needs nothing else."""
+"""The report as one HTML page that needs nothing else, from a template of Jinja."""
 
 from __future__ import annotations
 
 import base64
 import io
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from html import escape
-from importlib import resources
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
 
+import jinja2
 import numpy as np
 from PIL import Image as Pillow
 
 from ...imageio import encode_png
-from ..config import REFERENCE
-from ..results import Row
+from ..config.study import REFERENCE, Study
+from ..measure.results import Row
 from .colours import Picture
-from .headline import Headline
+from .headline import Headline, ends, percent
 from .pictures import Gallery
-from .tables import breakable, environment_tables, headline_table, number_table
 
 
 @dataclass(frozen=True)
@@ -38,158 +37,63 @@ class Part:
     reference : str
         How sure the reference is, and what errors leave out.
     strip : array, (H, W, 3), uint8, or None
-    galleries : sequence of Gallery
+    galleries : mapping of str to Gallery
+        By key. Those that are layers can be compared, where they have two pictures.
     figures : mapping of str to str
         Drawings as SVG, by caption.
     """
 
     size: str
     headline: Headline
-    baseline: str = ""
-    baselines: Mapping[str, str] = field(default_factory=dict)
-    reference: str = ""
-    strip: Picture | None = None
-    galleries: Sequence[Gallery] = ()
-    figures: Mapping[str, str] = field(default_factory=dict)
+    baseline: str
+    baselines: Mapping[str, str]
+    reference: str
+    strip: Picture | None
+    galleries: Mapping[str, Gallery]
+    figures: Mapping[str, str]
+
+    @property
+    def layers(self) -> list[Gallery]:
+        """What the comparison can show; empty where there is nothing to compare."""
+        found = [gallery for gallery in self.galleries.values() if gallery.layer]
+        return found if found and len(found[0].pictures) > 1 else []
+
+    @property
+    def blocks(self) -> dict[str, str]:
+        """Headings of what is shown under the headline, by anchor."""
+        blocks = {
+            "strip": "At a glance" if self.strip is not None else "",
+            "compare": "Compare" if self.layers else "",
+            **{key: gallery.title for key, gallery in self.galleries.items()},
+            "figures": "Figures" if self.figures else "",
+        }
+        return {anchor: heading for anchor, heading in blocks.items() if heading}
 
 
-@dataclass(frozen=True)
-class Content:
+def page(study: Study, rows: Sequence[Row], parts: Sequence[Part], **said: Any) -> str:
     """
-    Everything that a report says.
+    Return the page.
 
-    Fields
-    ------
-    title, about, command : str
-        Name of the study, what it is for, and the command that makes it again.
-    facts : mapping of str to str
-        Short facts for the head of the page.
-    notes : sequence of str
-    parts : sequence of Part
+    Parameters
+    ----------
     rows : sequence of Row
-    config : str
-        The study as TOML.
-    environments : sequence of mapping
-        Machines and versions.
+        All numbers.
+    said : mapping of str to object
+        What else the template says: `facts`, `notes`, `command`, `config` and `environments`.
     """
-
-    title: str
-    about: str
-    command: str
-    facts: Mapping[str, str]
-    notes: Sequence[str]
-    parts: Sequence[Part]
-    rows: Sequence[Row]
-    config: str
-    environments: Sequence[Mapping[str, str | int]]
-
-
-def page(content: Content) -> str:
-    """Return the page."""
-    style, script = (
-        (resources.files(__package__) / name).read_text("utf-8")
-        for name in ("report.css", "report.js")
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader(__package__),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    facts = "".join(
-        f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>"
-        for name, value in content.facts.items()
-    )
-    notes = "".join(f"<li>{escape(note)}</li>" for note in content.notes)
-    about = "".join(f"<p>{escape(text)}</p>" for text in content.about.split("\n\n") if text)
-    main = f"""{"".join(_part(part) for part in content.parts)}
-<section id="numbers"><h2>All numbers</h2>{number_table(content.rows)}</section>
-<section id="making"><h2>How it was made</h2><pre class="command">{escape(content.command)}</pre>
-{environment_tables(content.environments)}
-<details><summary>Configuration</summary><pre>{escape(content.config)}</pre></details></section>"""
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{escape(content.title)}</title><style>{style}</style></head>
-<body>{_navigation(main)}<header><h1>{escape(content.title.replace("_", " "))}</h1>{about}
-<dl class="facts">{facts}</dl>{f'<ul class="notes">{notes}</ul>' if notes else ""}</header>
-<main>{main}</main><script>{script}</script></body></html>
-"""
-
-
-def _navigation(main: str) -> str:
-    """Link every heading that has an anchor."""
-    found = re.findall(r'<(?:section|div) id="([^"]+)"[^>]*><h[23]>([^<]+)</h[23]>', main)
-    links = "".join(f'<a href="#{anchor}">{title}</a>' for anchor, title in found)
-    return f"<nav>{links}</nav>"
-
-
-def _part(part: Part) -> str:
-    """Pictures are embedded once, in their galleries; the comparison and the crops reuse them."""
-    size = escape(part.size)
-    pieces = [headline_table(part.headline, part.baselines)]
-    if part.reference:
-        pieces.append(f'<p class="legend">{escape(part.reference)}</p>')
-    if part.strip is not None:
-        pieces.append(
-            _block(
-                part.size, "strip", "At a glance", f'<div class="wide">{_strip(part.strip)}</div>'
-            )
-        )
-    layers = [gallery for gallery in part.galleries if gallery.layer]
-    if layers and len(layers[0].pictures) > 1:
-        pieces.append(_block(part.size, "compare", "Compare", _compare(layers, part.baseline)))
-    pieces += [
-        _block(part.size, gallery.key, gallery.title, _gallery(gallery))
-        for gallery in part.galleries
-    ]
-    if part.figures:
-        figures = "".join(
-            f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
-            for caption, svg in part.figures.items()
-        )
-        pieces.append(
-            _block(part.size, "figures", "Figures", f'<div class="figures">{figures}</div>')
-        )
-    return f'<section id="{size}" class="size"><h2>{size}</h2>{"".join(pieces)}</section>'
-
-
-def _block(size: str, key: str, title: str, content: str) -> str:
-    return f'<div id="{escape(size)}-{key}" class="block"><h3>{escape(title)}</h3>{content}</div>'
-
-
-def _strip(picture: Picture) -> str:
-    return f'<img class="strip" alt="frames, crops, errors and spectra" src="{_uri(picture)}">'
-
-
-def _compare(layers: Sequence[Gallery], baseline: str) -> str:
-    names = list(layers[0].pictures)
-    left = baseline if baseline in names else names[0]
-    right = REFERENCE if REFERENCE in names else names[-1]
-
-    def choice(which: str, options: Mapping[str, str], chosen: str, label: str) -> str:
-        items = "".join(
-            f'<option value="{escape(key)}"{" selected" if key == chosen else ""}>{escape(text)}'
-            "</option>"
-            for key, text in options.items()
-        )
-        return f'<select class="{which}" aria-label="{label}">{items}</select>'
-
-    variants = {name: name for name in names}
-    kinds = {gallery.key: gallery.title for gallery in layers}
-    return f"""<div class="compare"><div class="choices">
-{choice("left", variants, left, "left image")}
-{choice("layer", kinds, layers[0].key, "what is shown")}
-{choice("right", variants, right, "right image")}</div>
-<div class="stage"><canvas class="under"></canvas><canvas class="over"></canvas>
-<div class="handle" role="slider" tabindex="0" aria-label="position of the line"
- aria-valuemin="0" aria-valuemax="100" aria-valuenow="50"></div><div class="frame"></div></div>
-<p class="legend">Drag the line; click to place the crops; the wheel changes their size.</p>
-<div class="crops"></div></div>"""
-
-
-def _gallery(gallery: Gallery) -> str:
-    items = "".join(
-        f'<figure><img data-name="{escape(name)}" alt="{escape(f"{gallery.title}: {name}")}" '
-        f'src="{_uri(picture)}"><figcaption>{breakable(name)}</figcaption></figure>'
-        for name, picture in gallery.pictures.items()
-    )
-    layer = f' data-layer="{gallery.key}"' if gallery.layer else ""
-    return f'<p>{escape(gallery.about)}</p><div class="gallery {gallery.key}"{layer}>{items}</div>'
+    environment.filters |= {"uri": _uri, "ends": ends, "percent": percent}
+    environment.globals |= {"reference": REFERENCE}
+    groups = groupby(rows, key=lambda row: (row.size, row.quantity))
+    numbers = [(*key, list(own)) for key, own in groups]
+    template = environment.get_template("report.html.jinja")
+    return template.render(study=study, parts=parts, numbers=numbers, **said)
 
 
 def _uri(picture: Picture) -> str:

@@ -12,10 +12,11 @@ from ...analysis.covariance_images import covariance_map
 from ...analysis.denoise import denoise
 from ...analysis.images import FloatArray, luminance
 from ...imageio import to_srgb8
-from ..biases import BLOCK, LEAST_RUNS, block_scores
-from ..config import REFERENCE
-from ..frame_errors import CLIP, SIGMA, relative_errors
-from ..results import Image, Measured, ReferenceImage, Run
+from ..config.study import REFERENCE
+from ..measure.biases import BLOCK, LEAST_RUNS, block_scores
+from ..measure.frame_errors import CLIP, SIGMA, relative_errors
+from ..measure.results import Measured
+from ..runs.results import Image, ReferenceImage, Run
 from .colours import Picture, diverging
 
 # Errors have full colour at one of these, the first above twice the root mean square.

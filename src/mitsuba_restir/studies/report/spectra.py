@@ -12,9 +12,9 @@ from ...analysis import spectrum
 from ...analysis.images import FloatArray
 from ...imageio import to_srgb8
 from ...sampling import masks
-from ..config import Study, Variant
-from ..frame_errors import CLIP, frames_of, relative_errors
-from ..results import Measured
+from ..config.study import Study, Variant
+from ..measure.frame_errors import CLIP, frames_of, relative_errors
+from ..measure.results import Measured
 from .colours import Picture, diverging, sequential
 from .curves import LAG_RADIUS, Lags
 from .pictures import Gallery, Shown

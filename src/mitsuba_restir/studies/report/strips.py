@@ -12,8 +12,9 @@ from scipy import ndimage
 
 from ...analysis.images import FloatArray, luminance
 from ...imageio import to_srgb8
-from ..config import REFERENCE
-from ..results import Image, Measured
+from ..config.study import REFERENCE
+from ..measure.results import Measured
+from ..runs.results import Image
 from .colours import Picture
 from .pictures import Shown, error_pictures, seen_pictures
 

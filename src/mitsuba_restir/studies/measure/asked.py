@@ -1,0 +1,50 @@
+"""What a study asks to be measured, and whether that can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...errors import UsageError
+from ..config.study import Study
+from .quantities import QUANTITIES, unknown_quantity
+
+
+def check_quantities(study: Study) -> None:
+    """
+    Check that a study has what its quantities need.
+
+    Raises
+    ------
+    UsageError
+        A quantity does not exist, or the study lacks what it needs.
+    """
+    for name in study.quantities:
+        if name not in QUANTITIES:
+            raise UsageError(f"{study.name}: {unknown_quantity(name)}")
+        for lack in _lacks(study, name):
+            raise UsageError(f"{study.name}: '{name}' {lack}")
+
+
+def probes_of(study: Study) -> list[str]:
+    """Return the probes that the quantities need."""
+    found = (QUANTITIES[name].probe for name in study.quantities)
+    return list(dict.fromkeys(probe for probe in found if probe))
+
+
+def shows_images(study: Study) -> bool:
+    """Return whether any quantity is measured from images or times of frames."""
+    return any(not QUANTITIES[name].probe for name in study.quantities)
+
+
+def _lacks(study: Study, name: str) -> Iterator[str]:
+    needs = QUANTITIES[name]
+    if needs.needs_reference and study.reference is None:
+        yield "needs a [reference] with file or spp"
+    if needs.cold and study.warmup:
+        yield "starts from nothing: it needs warmup = 0"
+    if needs.sequences and (study.keep != "all" or study.frames < 2):
+        yield "needs keep = 'all' and at least 2 frames"
+    if needs.sequences and study.stride > 1:
+        yield "needs consecutive frames: stride = 1"
+    if study.runs < needs.least_runs:
+        yield f"needs at least {needs.least_runs} runs"

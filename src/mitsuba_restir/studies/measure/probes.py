@@ -1,0 +1,69 @@
+"""Probes: what frames with auxiliary images say, which no run of a study keeps.
+
+What `restir_pt` says of its frames, the paths that pixels share, and spectra of mutations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ...analysis.duplication import duplicated_share
+from ..config.study import Size, Study
+from ..runs.probing import probed_frames
+from ..runs.results import ReferenceImage
+from . import mutation_spectra
+
+LoadReference = Callable[[], ReferenceImage | None]
+Probe = Callable[[Study, Size, str, int, LoadReference], Mapping[str, float]]
+"""Measures (study, size, name of the variant, number of the run, what loads the reference)."""
+
+
+def _mean(frames: list[dict[str, float]]) -> dict[str, float]:
+    names = dict.fromkeys(name for frame in frames for name in frame)
+    return {name: float(np.mean([f[name] for f in frames if name in f])) for name in names}
+
+
+def _statistics(
+    study: Study, size: Size, name: str, index: int, _: LoadReference
+) -> dict[str, float]:
+    """Mean over the frames: what the integrator says of each, and the share of duplicated paths."""
+    stages = ("before mutations", "after mutations", "after spatial reuse")
+    return _mean(
+        [
+            _flat(numbers)
+            | {
+                f"duplicated paths r=8, {stage}": duplicated_share(paths)
+                for stage, paths in zip(
+                    stages, np.moveaxis(tensor[..., -3:].astype(np.int64), -1, 0), strict=True
+                )
+            }
+            for tensor, numbers in probed_frames(study, size, name, index, "path")
+        ]
+    )
+
+
+def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
+    flat: dict[str, float] = {}
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}: ")
+        elif isinstance(value, bool | int | float):
+            flat[f"{prefix}{name}"] = float(value)
+    return flat
+
+
+def _mutation_spectra(
+    study: Study, size: Size, name: str, index: int, load_reference: LoadReference
+) -> dict[str, float]:
+    """Spectra before and after spatial reuse."""
+    reference = load_reference()
+    assert reference is not None
+    frames = probed_frames(study, size, name, index, mutation_spectra.CHANNELS)
+    return _mean([mutation_spectra.numbers(tensor, reference) for tensor, _ in frames])
+
+
+PROBES: Mapping[str, Probe] = {"statistics": _statistics, "mutation_spectra": _mutation_spectra}
+"""Probes by name."""

@@ -1,0 +1,247 @@
+"""The quantities that a study can measure, and the numbers that each gives, in their order.
+
+Tables, charts and captions read names, units and order from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from . import biases, correlations, errors, noise, probed, times
+from .errors import of_frames, of_mean, one_by_one
+from .frame_errors import last_frame_of
+from .results import Measured, Number, Refused, Row, Rows
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """
+    How one quantity is measured. What it is, ``docs/studies.md`` says.
+
+    Fields
+    ------
+    measure : callable
+        Measures the numbers of every variant, or refuses to with a reference that is too noisy.
+    numbers : sequence of Number
+        What it gives; empty where that is known only when it is measured.
+    needs_reference : bool
+    cold : bool
+        Only meaningful for runs without warm-up.
+    sequences : bool
+        Needs every frame of a run, and more than one.
+    least_runs : int
+        Independent runs that it needs.
+    probe : str
+        Name of the probe that measures it; empty for what is measured from images and times.
+    """
+
+    measure: Rows
+    numbers: Sequence[Number] = ()
+    needs_reference: bool = False
+    cold: bool = False
+    sequences: bool = False
+    least_runs: int = 1
+    probe: str = ""
+
+    def rows(self, data: Measured) -> Iterator[Row | Refused]:
+        """Measure."""
+        return self.measure(data, self.numbers)
+
+
+_CLIPPED = Number(
+    "relative RMSE, clipped",
+    heading="Relative RMSE, clipped",
+    chart=True,
+    caption="clipped RMSE",
+)
+_TRIMMED = Number(
+    "relMSE, trimmed",
+    heading="relMSE, trimmed",
+    # Two errors that fireflies do not decide say the same.
+    yields_to=_CLIPPED.name,
+    chart=True,
+    caption="relMSE, trimmed",
+    keeps_part=True,
+)
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "time": Quantity(
+        times.frame_time,
+        [Number("time of a frame", "ms", heading="Time of a frame", chart=True, caption="time")],
+    ),
+    "speed": Quantity(times.speed, [Number("frames per second"), Number("time of a pixel", "ns")]),
+    "rmse": Quantity(
+        of_frames(errors.rmse, noise.absolute),
+        [Number("RMSE", heading="RMSE", chart=True, caption="RMSE")],
+        needs_reference=True,
+    ),
+    "rmse_displayed": Quantity(
+        of_frames(errors.rmse_displayed, noise.displayed),
+        [Number("RMSE, displayed", heading="RMSE, displayed", chart=True)],
+        needs_reference=True,
+    ),
+    "relmse": Quantity(
+        of_frames(errors.whole_relmse, noise.relmse),
+        [Number("relMSE")],
+        needs_reference=True,
+    ),
+    "relmse_trimmed": Quantity(
+        of_frames(errors.trimmed_relmse, noise.trimmed),
+        [_TRIMMED],
+        needs_reference=True,
+    ),
+    "rmse_relative": Quantity(
+        one_by_one(
+            of_frames(errors.rmse_clipped, noise.clipped),
+            of_frames(errors.rmse_relative, noise.relative),
+        ),
+        [_CLIPPED, Number("relative RMSE")],
+        needs_reference=True,
+    ),
+    "relmse_average": Quantity(
+        of_mean(errors.whole_relmse, noise.relmse),
+        [Number("relMSE of the average", heading="relMSE of the average")],
+        needs_reference=True,
+    ),
+    "equal_time": Quantity(
+        times.equal_time,
+        [
+            Number(f"equal time: {reading}{label}", "x", heading, better="more")
+            for label in ("", ", trimmed")
+            for reading, heading in (
+                ("last frame at its own time", "" if label else "Equal time, last frame"),
+                ("last frame charged with all", "" if label else "Equal time, charged with all"),
+                ("average of all frames", "" if label else "Equal time, average"),
+            )
+        ],
+        needs_reference=True,
+        cold=True,
+        least_runs=2,
+    ),
+    "covariance": Quantity(
+        correlations.covariance,
+        [
+            Number("relative covariance r=8", heading="Relative covariance", chart=True),
+            Number("relative covariance r=8, with j=i"),
+            Number("mean correlation r=8"),
+        ],
+        needs_reference=True,
+        least_runs=2,
+    ),
+    "covariance_clipped": Quantity(
+        correlations.clipped_covariance,
+        [
+            Number("relative covariance r=8, clipped", heading="Covariance, clipped", chart=True),
+            Number("relative covariance r=8, clipped, with j=i"),
+            Number("mean correlation r=8, clipped"),
+        ],
+        needs_reference=True,
+        least_runs=2,
+    ),
+    "covariance_in_sequence": Quantity(
+        correlations.covariance_in_sequence,
+        [Number("covariance r=8 within a sequence", heading="Covariance in a sequence")],
+        needs_reference=True,
+        sequences=True,
+    ),
+    "temporal_covariance": Quantity(
+        correlations.covariance_of_frames,
+        [Number("covariance of consecutive frames")],
+        needs_reference=True,
+        sequences=True,
+        least_runs=2,
+    ),
+    "duplication": Quantity(
+        probed.of_probe("statistics", compared=True),
+        [
+            Number("duplicated paths r=8, before mutations"),
+            Number("duplicated paths r=8, after mutations", heading="Duplicated paths", better=""),
+            Number("duplicated paths r=8, after spatial reuse"),
+        ],
+        probe="statistics",
+    ),
+    "statistics": Quantity(probed.of_probe("statistics"), probe="statistics"),
+    "mutation_spectra": Quantity(
+        probed.mutation_spectra, needs_reference=True, probe="mutation_spectra"
+    ),
+    "bands": Quantity(
+        correlations.bands,
+        [
+            Number("power 0.02-0.06", heading="Power .02–.06 c/px", chart=True),
+            Number("power 0.06-0.17", heading="Power .06–.17 c/px", chart=True),
+            *(Number(f"power {low:g}-{high:g}") for low, high in correlations.BANDS[2:]),
+        ],
+        needs_reference=True,
+        least_runs=2,
+    ),
+    "radial_spectrum": Quantity(
+        correlations.low_frequencies,
+        [Number("power 0-0.125"), Number("low-frequency share, white = 1")],
+        needs_reference=True,
+        least_runs=2,
+    ),
+    "filtered_mse": Quantity(
+        of_frames(errors.filtered, noise.filtered),
+        [Number("filtered MSE, 1.5 px", heading="Filtered MSE", chart=True)],
+        needs_reference=True,
+    ),
+    "smape": Quantity(
+        of_frames(errors.smape, noise.clipped),
+        [Number("SMAPE", keeps_all=errors.smape)],
+        needs_reference=True,
+    ),
+    "flip": Quantity(
+        of_frames(errors.hdr_flip, noise.clipped, last_frame_of),
+        [Number("HDR-FLIP", heading="FLIP", chart=True, keeps_all=errors.hdr_flip)],
+        needs_reference=True,
+    ),
+    "denoised": Quantity(
+        errors.denoised,
+        [
+            Number("RMSE after OIDN", heading="RMSE after OIDN"),
+            Number("relMSE after OIDN"),
+            Number("HDR-FLIP after OIDN", chart=True, keeps_all=errors.hdr_flip),
+        ],
+        needs_reference=True,
+    ),
+    "mean_ratio": Quantity(biases.mean_ratios, [Number("mean ratio")], needs_reference=True),
+    "mean_bias": Quantity(
+        biases.paired_mean,
+        [Number("mean against the baseline, minus 1", heading="Mean, against baseline", better="")],
+        least_runs=2,
+    ),
+    "block_bias": Quantity(
+        biases.block_biases,
+        [
+            Number(f"blocks of {biases.BLOCK} pixels off the reference, {what}")
+            for what in ("5 % by chance", "p of no bias")
+        ],
+        needs_reference=True,
+        least_runs=4,
+    ),
+    "pixel_bias": Quantity(
+        biases.pixel_biases,
+        [
+            Number("rms pixel bias"),
+            Number("rms pixel bias against the baseline", heading="Pixel bias, rms", better=""),
+        ],
+        needs_reference=True,
+        least_runs=2,
+    ),
+}
+
+NUMBERS: Mapping[str, Number] = {
+    number.name: number for quantity in QUANTITIES.values() for number in quantity.numbers
+}
+"""Every number that is known beforehand, by name."""
+
+BENCHMARKS = ("rays", "kernels", "memory", "startup")
+"""What was a quantity once, and is measured by ``python -m benchmarks.NAME``."""
+
+
+def unknown_quantity(name: str) -> str:
+    """Say what is wrong with the name of a quantity that there is not."""
+    if name in BENCHMARKS:
+        return f"'{name}' is a benchmark, no quantity: python -m benchmarks.{name} STUDY"
+    return f"unknown quantity '{name}'; there are {', '.join(QUANTITIES)}"

@@ -1,0 +1,1 @@
+"""From a study to frames: the scene, the renderers of its variants, and one run of them all."""
