@@ -13,6 +13,12 @@ import mitsuba as mi
 from ..errors import root
 from .frame import Plan
 
+KEPT = 4
+"""Recordings kept of a stage: there is one for every structure of its inputs (the first frame has
+another one than later frames, and objects outside the scene count as well)."""
+
+NEVER = 2**32 - 1
+
 
 class Stage:
     """A stage of the frame with the plan bound, recorded once and replayed from then on.
@@ -27,18 +33,26 @@ class Stage:
             return stage(plan, *inputs)
 
         self._traced = bound
-        self._recorded = None if mi.is_spectral else dr.freeze(bound)
+        self._recorded: Any = None
+        self._recordable = not mi.is_spectral
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop what is recorded: the scene is no longer the one that it was recorded of."""
+        if self._recordable:
+            # To record often is no mistake here, and needs no warning.
+            self._recorded = dr.freeze(self._traced, limit=KEPT, warn_after=NEVER)
 
     def __call__(self, *inputs: Any) -> Any:
         """Run the stage on its inputs (plain data)."""
-        if self._recorded is not None:
+        if self._recordable:
             try:
                 return self._recorded(*inputs)
             except RuntimeError as error:
                 # Ctrl-C while a stage is being recorded says nothing of whether it can be.
                 if "record" not in str(error) or isinstance(root(error), KeyboardInterrupt):
                     raise
-                self._recorded = None
+                self._recordable, self._recorded = False, None
         return self._traced(*inputs)
 
 

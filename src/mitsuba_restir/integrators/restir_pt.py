@@ -15,6 +15,7 @@ from ..passes.primary import primary
 from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
 from ..paths.grid import grid_of
+from ..paths.reshaped import drop_reshaped
 from ..paths.settings import PathLimits
 from ..sampling.dither import Dither, mask_texture
 from ..sampling.masks import load_mask
@@ -34,7 +35,8 @@ from .declaration import page
 from .frame import Frame, History, Plan, Setting, no_history, sample_paths, share_paths
 from .parameters import PARAMETERS, Parameters, read_parameters
 from .recording import Stage, collection_paused
-from .statistics import mutation_shares, outcome_shares, refused_count
+from .scene_watch import Edit, SceneWatch
+from .statistics import frame_statistics
 
 NEAR_FRACTION = 0.03
 """Distance threshold of ``distance_roughness`` as a fraction of the scene's radius."""
@@ -54,6 +56,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     :py:func:`mitsuba.render` renders one frame, and ``spp`` is the number of candidate paths per
     pixel and frame. The history stays in the integrator until :py:meth:`reset`, or until the scene,
     the film size or the kind of sensor changes.
+
+    Edits of the scene are noticed before the next frame, which is then traced again and takes
+    several times as long. History over shapes that get other primitives is dropped by itself.
 
     - Every mode that is not named biased converges to the image of ``path``; frames of one sequence
       are correlated.
@@ -87,6 +92,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self._scene: mi.Scene | None = None
         self._shape: tuple[str, int, int] | None = None
         self._plan: Plan | None = None
+        self._dropped: mi.Bool | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -158,7 +164,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self._sample = (self._sample + spp) % WORDS
             self._turn = (self._turn + 1) % WORDS
             self._frame = frame
-            return self._develop(sensor.film(), frame)
+            return develop(sensor.film(), self.aov_names(), frame)
 
     def aov_names(self) -> list[str]:
         """Names of the auxiliary channels, in film order."""
@@ -181,26 +187,15 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             something to shift. ``mutations``: per class of path, its share of the pixels that had
             their turn, the acceptance rate, the shares of the accepted mutations that raise and
             that lower the target function, and the mean accepted change of direction [rad].
+            ``dropped``: share of pixels whose history was dropped before the frame, because shapes
+            that it goes over were given other primitives (left out if there are no such shapes).
             ``biased``: parameters that bias the image, if there are any.
         """
         if self._frame is None:
             raise ValueError("restir_pt: there are no statistics before the first frame")
-        temporal, *rounds = self._frame.outcomes
-        shares = {"temporal": outcome_shares(temporal, 2)} if temporal else {}
-        for index, packed in enumerate(rounds):
-            shares[f"spatial_{index}"] = outcome_shares(packed, 1)
-        refused = int(self._frame.refused[0]) + refused_count(self._frame.outcomes)
-        statistics = {
-            "matched": float(dr.mean(mi.Float(self._frame.matched))[0]),
-            "not_finite": refused,
-            **shares,
-        }
-        if self._frame.mutated is not None:
-            statistics["mutations"] = mutation_shares(
-                self._frame.mutated, self.parameters.mutations
-            )
-        if self.parameters.biased:
-            statistics["biased"] = list(self.parameters.biased)
+        statistics = frame_statistics(self._frame, self.parameters)
+        if self._dropped is not None:
+            statistics["dropped"] = float(dr.mean(mi.Float(self._dropped))[0])
         return statistics
 
     def to_string(self) -> str:
@@ -218,10 +213,13 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
         """Check the inputs and start a new history where the old one does not fit."""
+        self._dropped = None
         width, height = sensor.film().crop_size()
         shape = (sensor.class_name(), width, height)
         if scene is not self._scene or shape != self._shape:
             self._plan_frames(scene, sensor, shape)
+        elif edit := self._watch.look(thorough=self._history is None):
+            self._follow(scene, edit)
         if self._history is None:
             self._history = no_history(width * height, self.parameters)
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
@@ -239,31 +237,39 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             )
         self.reset()
         self._scene, self._shape = scene, shape
+        self._watch = SceneWatch(scene)
         strategy = STRATEGIES[parameters.neighbor_sampling]
         self._layout = strategy.layout(parameters.spatial_radius)
         dr.make_opaque(self._layout)
         self._dither = _dither() if parameters.blue_noise_seeds else None
-        self._plan = Plan(
-            parameters,
-            PathLimits(parameters.longest, parameters.rr_depth),
-            _mapping(parameters, scene),
-            shape[1],
-            shape[2],
-        )
+        self._record_stages(scene)
+
+    def _record_stages(self, scene: mi.Scene) -> None:
+        """Plan the frames of a history in the scene as it is."""
+        assert self._shape is not None
+        _, width, height = self._shape
+        limits = PathLimits(self.parameters.longest, self.parameters.rr_depth)
+        mapping = _mapping(self.parameters, scene)
+        self._plan = Plan(self.parameters, limits, mapping, width, height)
         self._sample_paths = Stage(sample_paths, self._plan)
         self._share_paths = Stage(share_paths, self._plan)
 
-    def _develop(self, film: mi.Film, frame: Frame) -> mi.TensorXf:
-        film.prepare(self.aov_names())
-        block = film.create_block()
-        block.set_coalesce(False)
-        grid = grid_of(*film.crop_size())
-        x, y = grid.place(grid.pixels())
-        center = mi.Point2f(x, y) + 0.5 + mi.Vector2f(film.crop_offset())
-        alpha = [frame.alpha] if mi.has_flag(film.flags(), mi.FilmFlags.Alpha) else []
-        block.put(center, [*frame.color, *alpha, mi.Float(1), *frame.auxiliary])
-        film.put_block(block)
-        return film.develop()
+    def _follow(self, scene: mi.Scene, edit: Edit) -> None:
+        """Let go of what an edit of the scene has made wrong."""
+        if self._history is None:
+            self._record_stages(scene)
+            return
+        self._sample_paths.forget()
+        self._share_paths.forget()
+        if edit.reshaped:
+            hits, self._dropped = drop_reshaped(
+                self._history.hits,
+                self._history.reservoirs.path,
+                edit.reshaped,
+                instanced=not set(edit.reshaped) <= set(scene.shapes()),
+            )
+            dr.eval(hits, self._dropped)
+            self._history = replace(self._history, hits=hits)
 
 
 def _dither() -> Dither:

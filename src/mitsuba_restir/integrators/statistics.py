@@ -2,12 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
 from ..mutations.chain import Mutated
 from ..mutations.pivot import MutationClass
 from ..shifts.mapping import MERGE_REFUSED, Outcome
+from .frame import Frame
+from .parameters import Parameters
+
+
+def frame_statistics(frame: Frame, parameters: Parameters) -> dict[str, Any]:
+    """What ``restir_pt``'s ``statistics()`` documents, of a frame."""
+    temporal, *rounds = frame.outcomes
+    statistics: dict[str, Any] = {
+        "matched": float(dr.mean(mi.Float(frame.matched))[0]),
+        "not_finite": int(frame.refused[0]) + refused_count(frame.outcomes),
+    }
+    if temporal:
+        statistics["temporal"] = outcome_shares(temporal, 2)
+    for index, packed in enumerate(rounds):
+        statistics[f"spatial_{index}"] = outcome_shares(packed, 1)
+    if frame.mutated is not None:
+        statistics["mutations"] = mutation_shares(frame.mutated, parameters.mutations)
+    if parameters.biased:
+        statistics["biased"] = list(parameters.biased)
+    return statistics
 
 
 def outcome_shares(packed: list[mi.UInt32], shifts: int) -> dict[str, float]:
