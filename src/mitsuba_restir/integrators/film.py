@@ -10,8 +10,8 @@ from ..paths.grid import grid_of
 from .frame import Frame
 
 
-def develop(film: mi.Film, names: Sequence[str], frame: Frame) -> mi.TensorXf:
-    """Put every pixel's colour and auxiliary channels at its centre, and develop the film.
+def developed(film: mi.Film, names: Sequence[str], frame: Frame) -> mi.TensorXf:
+    """The film with every pixel's colour and auxiliary channels at its centre.
 
     Parameters
     ----------

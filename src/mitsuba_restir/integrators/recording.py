@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -11,6 +12,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..errors import root
+from .flat import Structure, flatten, unflatten
 from .frame import Plan
 
 KEPT = 4
@@ -18,6 +20,21 @@ KEPT = 4
 another one than later frames, and objects outside the scene count as well)."""
 
 NEVER = 2**32 - 1
+
+
+class _Signature:
+    """Stands for the structure of inputs, and remembers the structure of what comes out of them."""
+
+    def __init__(self, inputs: Structure) -> None:
+        self.inputs = inputs
+        self.outputs: Structure = None
+
+
+class _Sealed:
+    """Holds a function whose references are not to be looked into."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.call = function
 
 
 class Stage:
@@ -29,31 +46,62 @@ class Stage:
     """
 
     def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
-        def bound(*inputs: Any) -> Any:
-            return stage(plan, *inputs)
+        def traced(signature: _Signature, leaves: list[Any]) -> list[Any]:
+            results: list[Any] = []
+            inputs = unflatten(signature.inputs, iter(leaves))
+            signature.outputs = flatten(stage(plan, *inputs), results)
+            return results
 
-        self._traced = bound
-        self._recorded: Any = None
+        self._traced = traced
+        self._signatures: dict[Structure, _Signature] = {}
         self._recordable = not mi.is_spectral
         self.forget()
 
     def forget(self) -> None:
         """Drop what is recorded: the scene is no longer the one that it was recorded of."""
-        if self._recordable:
-            # To record often is no mistake here, and needs no warning.
-            self._recorded = dr.freeze(self._traced, limit=KEPT, warn_after=NEVER)
+        sealed = _Sealed(self._traced)
+
+        # Dr.Jit compares all that the function refers to at every call: one object here.
+        def recorded(signature: _Signature, leaves: list[Any]) -> list[Any]:
+            return sealed.call(signature, leaves)
+
+        # To record often is no mistake here, and needs no warning.
+        self._recorded = dr.freeze(recorded, limit=KEPT, warn_after=NEVER)
 
     def __call__(self, *inputs: Any) -> Any:
         """Run the stage on its inputs (plain data)."""
+        leaves: list[Any] = []
+        structure = flatten(inputs, leaves)
+        signature = self._signatures.setdefault(structure, _Signature(structure))
+        results = self._run(signature, leaves)
+        return unflatten(signature.outputs, iter(results))
+
+    def _run(self, signature: _Signature, leaves: list[Any]) -> list[Any]:
         if self._recordable:
             try:
-                return self._recorded(*inputs)
+                return self._recorded(signature, leaves)
             except RuntimeError as error:
                 # Ctrl-C while a stage is being recorded says nothing of whether it can be.
                 if "record" not in str(error) or isinstance(root(error), KeyboardInterrupt):
                     raise
-                self._recordable, self._recorded = False, None
-        return self._traced(*inputs)
+                self._recordable = False
+                self.forget()
+        return self._traced(signature, leaves)
+
+
+_ONE_AT_A_TIME = threading.RLock()
+
+
+@contextmanager
+def frame_alone() -> Iterator[None]:
+    """One frame at a time in a process; other threads wait here.
+
+    Dr.Jit 1.5 keeps what it replays in variables of the process and holds its own lock while it
+    calls Python, which may pass to another thread: two recorded functions in two threads end in
+    "unknown variable" or wait for each other for ever.
+    """
+    with _ONE_AT_A_TIME:
+        yield
 
 
 @contextmanager

@@ -166,7 +166,7 @@ def _exposed(scene: mi.Scene) -> tuple[list[mi.Object], list[Parameter]]:
     parameters = [
         Parameter(node, key.rsplit(".", 1)[-1], pointer, kind)
         for key, (pointer, kind, node, _) in exposed.properties.items()
-        if inside[node]
+        if inside[node] and pointer is not None
     ]
     return [node for node in inside if inside[node]], parameters
 
