@@ -6,6 +6,7 @@ records nothing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import drjit as dr
@@ -15,9 +16,12 @@ import zoo
 
 SIZE = 12
 
-UNEDITED = ("silhouette_sampling_weight", "control_point_count", "use_pigmentation")
-"""A weight of differentiable rendering, a number that other parameters determine, and a switch to
-a parameter that is not there (Mitsuba 3.9 crashes)."""
+UNEDITED = {
+    "silhouette_sampling_weight": "of differentiable rendering alone",
+    "control_point_count": "follows from the control points",
+    "segment_indices": "Mitsuba 3.9 leaves Embree with the old ones, in memory that is freed",
+    "use_pigmentation": "switches hair to a colour that it does not have; Mitsuba 3.9 crashes",
+}
 
 
 def scene_with(plugin: dict[str, Any], **others: dict[str, Any]) -> dict[str, Any]:
@@ -41,12 +45,116 @@ def scene_with(plugin: dict[str, Any], **others: dict[str, Any]) -> dict[str, An
     }
 
 
+def things() -> dict[str, dict[str, Any]]:
+    """A scene for every plugin of this Mitsuba that has parameters."""
+    transform = mi.ScalarTransform4f
+    box = {"type": "cube", "to_world": transform().scale(0.5)}
+    scenes = {f"bsdf {name}": scene_with(_ball(bsdf)) for name, bsdf in zoo.bsdfs().items()}
+    scenes |= {
+        f"texture {name}": scene_with(_ball({"type": "diffuse", "reflectance": texture}))
+        for name, texture in _textures().items()
+    }
+    scenes["texture mesh_attribute"] = scene_with(_colored_mesh())
+    scenes |= {
+        f"shape {name}": scene_with(shape)
+        for name, shape in zoo.shapes().items()
+        if shape["type"] != "instance"
+    }
+    scenes["shape instance"] = scene_with(
+        {"type": "instance", "group": {"type": "ref", "id": "group"}},
+        group={"type": "shapegroup", "box": box},
+    )
+    scenes["shape shapegroup"] = scene_with(
+        {"type": "shapegroup", "box": box, "ball": {"type": "sphere"}},
+        instance={"type": "instance", "group": {"type": "ref", "id": "thing"}},
+    )
+    scenes |= {
+        f"emitter {name}": scene_with(emitter)
+        for name, emitter in zoo.emitters().items()
+        if name != "none"
+    }
+    for name, sky in _skies().items():
+        scenes[f"emitter {name}"] = scene_with(sky)
+        del scenes[f"emitter {name}"]["sky"]
+    for name in ("perspective", "thinlens", "orthographic"):
+        sensor = zoo._sensor(SIZE, SIZE, 45.0, [0, 2.2, 3.2], [0, 0.2, 0]) | {"type": name}
+        if name == "thinlens":
+            sensor |= {"aperture_radius": 0.1, "focus_distance": 3.0}
+        if name == "orthographic":
+            del sensor["fov"], sensor["fov_axis"]
+        scenes[f"sensor {name}"] = scene_with(sensor)
+        del scenes[f"sensor {name}"]["sensor"]
+    return scenes
+
+
+def _ball(bsdf: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "sphere", "bsdf": bsdf}
+
+
+def _textures() -> dict[str, dict[str, Any]]:
+    texels = np.random.default_rng(7).random((4, 4, 3)).astype(np.float32)
+    return {
+        "bitmap": {"type": "bitmap", "bitmap": mi.Bitmap(texels)},
+        "bitmap_8_bits": {
+            "type": "bitmap",
+            "bitmap": mi.Bitmap((255 * texels).astype(np.uint8)),
+            "format": "auto",
+        },
+        "volume": {
+            "type": "volume",
+            "volume": {"type": "gridvolume", "grid": mi.VolumeGrid(texels[None])},
+        },
+        "uniform": {"type": "uniform", "value": 0.6},
+        "srgb": {"type": "rgb", "value": [0.2, 0.5, 0.7]},
+        "regular": {
+            "type": "regular",
+            "wavelength_min": 400.0,
+            "wavelength_max": 700.0,
+            "values": "0.2, 0.4, 0.8",
+        },
+        "irregular": {"type": "irregular", "wavelengths": "400, 550, 700", "values": "0.8,0.4,0.2"},
+        "rawconstant": {"type": "rawconstant", "value": 0.5},
+    }
+
+
+def _colored_mesh() -> mi.Mesh:
+    properties = mi.Properties()
+    properties["mesh_bsdf"] = mi.load_dict(
+        {
+            "type": "diffuse",
+            "reflectance": {"type": "mesh_attribute", "name": "vertex_color"},
+        }
+    )
+    mesh = mi.Mesh("thing", 3, 1, props=properties)
+    mesh.add_attribute("vertex_color", 3, [0.2, 0.5, 0.7] * 3)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = np.float32([-1, -0.5, 0, 1, -0.5, 0, 0, 1, 0])
+    parameters["faces"] = np.uint32([0, 1, 2])
+    parameters.update()
+    mesh.set_id("thing")
+    return mesh
+
+
+def _skies() -> dict[str, dict[str, Any]]:
+    return {
+        "envmap": zoo.envmap_scene()["sky"],
+        "sunsky": zoo.sunsky_scene()["sky"],
+        "constant": {"type": "constant", "radiance": 0.4},
+        "directional": {"type": "directional", "direction": [0.3, -1, -0.4], "irradiance": 1.0},
+        "blackbody": {
+            "type": "constant",
+            "radiance": {"type": "blackbody", "temperature": 5000.0},
+        },
+    }
+
+
 def thing_parameters(scene: mi.Scene, parameters: mi.SceneParameters) -> list[str]:
     """Keys of the parameters of ``thing`` that can be edited."""
     return [
         key
         for key in parameters.keys()
         if key.split(".")[0] == "thing"
+        and ".film." not in key
         and key.split(".")[-1] not in UNEDITED
         and not parameters.flags(key) & mi.ParamFlags.ReadOnly
         and parameters.properties[key][0] is not None
@@ -72,8 +180,6 @@ def edited(name: str, value: Any, step: int) -> Any:
     array = np.array(value)
     if name == "faces":
         array = np.roll(array, 3 * step)[3 * step :]
-    elif name == "segment_indices":
-        array = array[step:]
     elif np.issubdtype(array.dtype, np.floating):
         array = array * np.asarray(1 - 0.05 * step, array.dtype)
     else:
@@ -108,8 +214,10 @@ def untouched(parameters: dict[str, Any], scene: mi.Scene) -> np.ndarray:
 RENDERER = {"type": "restir_pt", "max_depth": 4, "spatial_neighbors": 1}
 
 
-def stale_edits(description: dict[str, Any], steps: int, keys: Any = None) -> dict[str, list[int]]:
-    """For every parameter of ``thing`` the steps after which ``reset`` left something stale."""
+def stale_edits(
+    description: dict[str, Any], steps: int, keys: Sequence[str] = ()
+) -> dict[str, list[int]]:
+    """For every parameter of ``thing`` (or those named) the steps that left something old."""
     scene = mi.load_dict(description)
     renderer = mi.load_dict(RENDERER)
     frames(renderer, scene)
@@ -126,7 +234,4 @@ def stale_edits(description: dict[str, Any], steps: int, keys: Any = None) -> di
             shown = frames(renderer, scene)
             if not np.array_equal(shown, untouched(RENDERER, scene), equal_nan=True):
                 result[key].append(step)
-        if key.split(".")[-1] in ("faces", "segment_indices"):
-            parameters[key] = start
-            parameters.update()
     return result
