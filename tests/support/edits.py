@@ -106,13 +106,6 @@ def _textures() -> dict[str, dict[str, Any]]:
         },
         "uniform": {"type": "uniform", "value": 0.6},
         "srgb": {"type": "rgb", "value": [0.2, 0.5, 0.7]},
-        "regular": {
-            "type": "regular",
-            "wavelength_min": 400.0,
-            "wavelength_max": 700.0,
-            "values": "0.2, 0.4, 0.8",
-        },
-        "irregular": {"type": "irregular", "wavelengths": "400, 550, 700", "values": "0.8,0.4,0.2"},
         "rawconstant": {"type": "rawconstant", "value": 0.5},
     }
 
@@ -179,7 +172,7 @@ def edited(name: str, value: Any, step: int) -> Any:
         return _moved(value, step)
     array = np.array(value)
     if name == "faces":
-        array = np.roll(array, 3 * step)[3 * step :]
+        array = np.roll(array, 3 * step)[: max(3, array.size - 3 * step)]
     elif np.issubdtype(array.dtype, np.floating):
         array = array * np.asarray(1 - 0.05 * step, array.dtype)
     else:
