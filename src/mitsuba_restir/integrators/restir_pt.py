@@ -16,12 +16,7 @@ from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
 from ..paths.grid import grid_of
 from ..paths.reshaped import drop_reshaped
-from ..paths.settings import PathLimits
-from ..sampling.dither import Dither, mask_texture
-from ..sampling.masks import load_mask
 from ..sampling.streams import FrameKey
-from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
-from ..shifts.mapping import ShiftMapping, shift_mapping
 from .border import (
     WORDS,
     check_same_variant,
@@ -32,14 +27,13 @@ from .border import (
     checked_spp,
 )
 from .declaration import page
+from .film import developed
 from .frame import Frame, History, Plan, Setting, no_history, sample_paths, share_paths
-from .parameters import PARAMETERS, Parameters, read_parameters
-from .recording import Stage, collection_paused
+from .parameters import PARAMETERS, read_parameters
+from .plan import dither_of, plan_of
+from .recording import Stage, collection_paused, frame_alone
 from .scene_watch import Edit, SceneWatch
 from .statistics import frame_statistics
-
-NEAR_FRACTION = 0.03
-"""Distance threshold of ``distance_roughness`` as a fraction of the scene's radius."""
 
 
 class ReSTIRPTIntegrator(mi.CppADIntegrator):
@@ -59,6 +53,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     Edits of the scene are noticed before the next frame, which is then traced again and takes
     several times as long. History over shapes that get other primitives is dropped by itself.
+    Frames of several threads take turns; a scene must not be edited while it is rendered.
 
     - Every mode that is not named biased converges to the image of ``path``; frames of one sequence
       are correlated.
@@ -97,11 +92,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     def reset(self) -> None:
         """Forget the history: the next frame starts from nothing."""
-        self._history: History | None = None
-        self._camera: Camera | None = None
-        self._frame: Frame | None = None
-        self._sample = 0
-        self._turn = 0
+        with frame_alone():
+            self._history: History | None = None
+            self._camera: Camera | None = None
+            self._frame: Frame | None = None
+            self._sample = 0
+            self._turn = 0
 
     def render(
         self,
@@ -139,7 +135,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             sensor = scene.sensors()[sensor]
         check_same_variant(self._variant, scene, sensor)
         spp = checked_spp(spp, sensor)
-        with dr.suspend_grad():
+        with frame_alone(), dr.suspend_grad():
             self._prepare(scene, sensor)
             self._frame = None
             key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
@@ -164,7 +160,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self._sample = (self._sample + spp) % WORDS
             self._turn = (self._turn + 1) % WORDS
             self._frame = frame
-            return develop(sensor.film(), self.aov_names(), frame)
+            image = developed(sensor.film(), self.aov_names(), frame)
+            dr.eval(image)
+            return image
 
     def aov_names(self) -> list[str]:
         """Names of the auxiliary channels, in film order."""
@@ -191,12 +189,13 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             that it goes over were given other primitives (left out if there are no such shapes).
             ``biased``: parameters that bias the image, if there are any.
         """
-        if self._frame is None:
-            raise ValueError("restir_pt: there are no statistics before the first frame")
-        statistics = frame_statistics(self._frame, self.parameters)
-        if self._dropped is not None:
-            statistics["dropped"] = float(dr.mean(mi.Float(self._dropped))[0])
-        return statistics
+        with frame_alone():
+            if self._frame is None:
+                raise ValueError("restir_pt: there are no statistics before the first frame")
+            statistics = frame_statistics(self._frame, self.parameters)
+            if self._dropped is not None:
+                statistics["dropped"] = float(dr.mean(mi.Float(self._dropped))[0])
+            return statistics
 
     def to_string(self) -> str:
         """The integrator and its parameters as text."""
@@ -241,16 +240,14 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         strategy = STRATEGIES[parameters.neighbor_sampling]
         self._layout = strategy.layout(parameters.spatial_radius)
         dr.make_opaque(self._layout)
-        self._dither = _dither() if parameters.blue_noise_seeds else None
+        self._dither = dither_of(parameters)
         self._record_stages(scene)
 
     def _record_stages(self, scene: mi.Scene) -> None:
         """Plan the frames of a history in the scene as it is."""
         assert self._shape is not None
         _, width, height = self._shape
-        limits = PathLimits(self.parameters.longest, self.parameters.rr_depth)
-        mapping = _mapping(self.parameters, scene)
-        self._plan = Plan(self.parameters, limits, mapping, width, height)
+        self._plan = plan_of(self.parameters, scene, width, height)
         self._sample_paths = Stage(sample_paths, self._plan)
         self._share_paths = Stage(share_paths, self._plan)
 
@@ -270,24 +267,6 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             )
             dr.eval(hits, self._dropped)
             self._history = replace(self._history, hits=hits)
-
-
-def _dither() -> Dither:
-    """Dithering of the candidates' numbers by the ready-made mask."""
-    dither = Dither(mask_texture(load_mask()))
-    dr.make_opaque(dither.mask.levels)
-    return dither
-
-
-def _mapping(parameters: Parameters, scene: mi.Scene) -> ShiftMapping:
-    mapping = shift_mapping(parameters.shift, _criterion(parameters.connectability, scene))
-    return replace(mapping, hides_sky=parameters.hide_emitters)
-
-
-def _criterion(name: str, scene: mi.Scene) -> Criterion:
-    if name == "footprint":
-        return Footprint()
-    return DistanceRoughness(NEAR_FRACTION * float(dr.norm(scene.bbox().extents())) / 2)
 
 
 # The table of the reference page is written from the declarations.
