@@ -423,13 +423,23 @@ class Interrupt(importlib.abc.MetaPathFinder):
             signal.raise_signal(signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupt())
-sys.argv = ["/usr/bin/mitsuba-restir", "scenes"]
+sys.argv = ["/usr/bin/mitsuba-restir", "render", "ajar", "--resolution", "4x4"]
 from mitsuba_restir.cli import main
 sys.exit(main())
 """
 
 
-@pytest.mark.parametrize("module", ["drjit", "mitsuba", "rich", "mitsuba_restir.cli.render"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "drjit",
+        "mitsuba",
+        "rich",
+        "mitsuba_restir.cli.render",
+        "mitsuba.python.ad.integrators.prbvolpath",  # by mi.set_variant
+        "mitsuba_restir.integrators.restir_pt",
+    ],
+)
 def test_ctrl_c_during_the_import_of_a_command_is_one_line(module):
     program = IMPORTING.format(module=module)
     with subprocess.Popen([sys.executable, "-c", program], **PIPES) as process:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import mitsuba as mi
@@ -23,7 +24,6 @@ pytestmark = pytest.mark.long
 
 COMMAND = [sys.executable, "-m", "mitsuba_restir"]
 ENDS = 20
-FRAMES = 100_000
 STUDY = """
 name = "tiny"
 scene = "ajar"
@@ -31,7 +31,7 @@ sizes = ["16x9"]
 max_depth = 3
 warmup = 2
 frames = 4
-runs = 120
+runs = 300
 quantities = ["rmse"]
 baseline = "one"
 [variants.one]
@@ -45,35 +45,80 @@ batches = 8
 """
 
 
-def ended(command: list[str], number: signal.Signals, seconds: float) -> int:
-    """Run a command, end it after some seconds, and return its exit code."""
+BEGUN = "begun"
+MARKING = """
+import sys
+from pathlib import Path
+from mitsuba_restir import cli
+from mitsuba_restir.cli.writer import Writer
+from mitsuba_restir.studies.store import StudyFolder
+
+def marked(finish):
+    def finished(*arguments):
+        result = finish(*arguments)
+        Path(__file__).with_name("begun").touch()
+        return result
+    return finished
+
+Writer.add = marked(Writer.add)
+StudyFolder.save_run = marked(StudyFolder.save_run)
+sys.exit(cli.main())
+"""
+
+
+@dataclass(frozen=True)
+class End:
+    """
+    How a process is ended.
+
+    Fields
+    ------
+    number : Signals
+    seconds : float
+        When, from the start or from the first frame or run that is finished.
+    begun : bool
+        Which of the two.
+    """
+
+    number: signal.Signals
+    seconds: float
+    begun: bool
+
+
+def ends(seed: int) -> list[End]:
+    """SIGKILL and SIGTERM in turn, half of them while it starts and half while it renders."""
+    seconds = np.random.default_rng(seed).uniform(0.0, 3.0, ENDS)
+    return [
+        End((signal.SIGKILL, signal.SIGTERM)[i % 2], float(s), i % 4 >= 2)
+        for i, s in enumerate(seconds)
+    ]
+
+
+def ended(folder: Path, words: list[str], end: End) -> int:
+    """Run a command, end it, and return its exit code."""
+    program, mark = folder / "program.py", folder / BEGUN
+    program.write_text(MARKING)
+    mark.unlink(missing_ok=True)
+    command = [sys.executable, str(program), *words]
     with subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     ) as process:
         try:
-            error = process.communicate(timeout=seconds)[1]
-        except subprocess.TimeoutExpired:
-            process.send_signal(number)
-            try:
-                error = process.communicate(timeout=60)[1]
-            finally:
-                process.kill()
+            while end.begun and not mark.exists() and process.poll() is None:
+                time.sleep(0.01)
+            time.sleep(end.seconds)
+            process.send_signal(end.number)
+            error = process.communicate(timeout=60)[1]
+        finally:
+            process.kill()
     assert "Traceback" not in error, error
-    assert process.returncode in (0, -number, 128 + number), error
+    assert process.returncode in (0, -end.number, 128 + end.number), error
     return process.returncode
 
 
-def moments(seed: int, alone: list[str]) -> list[tuple[signal.Signals, float]]:
-    """
-    When each process is ended [s], and by what: from while it starts to while it renders.
-
-    ``alone`` is the same command for as little as possible; its time is the unit.
-    """
-    start = time.monotonic()
-    assert subprocess.run(alone, check=False, capture_output=True).returncode == 0
-    unit = time.monotonic() - start
-    times = unit * np.random.default_rng(seed).uniform(0.1, 2.0, ENDS)
-    return [((signal.SIGKILL, signal.SIGTERM)[i % 2], t) for i, t in enumerate(times)]
+def run(words: list[str]) -> None:
+    """Run a command to its end."""
+    subprocess.run([*COMMAND, *words], check=True, capture_output=True)
 
 
 def whole(path: Path) -> dict[Path, int]:
@@ -92,55 +137,51 @@ def test_a_study(tmp_path, monkeypatch):
     monkeypatch.setenv("MITSUBA_RESTIR_CACHE", str(tmp_path / "cache"))
     file, out = tmp_path / "tiny.toml", tmp_path / "killed"
     file.write_text(STUDY)
-    command = [*COMMAND, "evaluate", str(file), "-o", str(out)]
+    words = ["evaluate", str(file), "-o"]
     codes: Counter[int] = Counter()
     grown: list[int] = []
     finished: dict[Path, int] = {}
-    alone = [*command[:-1], str(tmp_path / "alone"), "-s", "runs=1"]
-    for number, seconds in moments(1, alone):
-        codes[ended(command, number, seconds)] += 1
+    for end in ends(1):
+        codes[ended(tmp_path, [*words, str(out)], end)] += 1
         now = whole(tmp_path)
         assert {path: now.get(path) for path in finished} == finished
         grown.append(len(now) - len(finished))
         finished = now
     print(f"\nevaluate: exit codes {dict(codes)}, new files after each {grown}")
-    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
-    assert {path: whole(tmp_path).get(path) for path in finished} == finished
+    run([*words, str(out)])
+    now = whole(tmp_path)
+    assert {path: now.get(path) for path in finished} == finished
     assert not list(tmp_path.rglob(".*.partial"))
-    command[-1] = str(tmp_path / "whole")
-    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+    run([*words, str(tmp_path / "whole")])
     assert numbers(out) == numbers(tmp_path / "whole")
 
 
 def test_an_average(tmp_path):
     """After SIGTERM it is the mean of the first frames; after SIGKILL, what was there before."""
     picture = tmp_path / "mean.exr"
-    command = [*COMMAND, "render", "ajar", "--resolution", "16x9", "-p", "max_depth=3"]
-    average = [*command, "--average", "--frames", str(FRAMES), "-o", str(picture)]
+    words = ["render", "ajar", "--resolution", "16x9", "-p", "max_depth=3"]
+    average = [*words, "--average", "--frames", "100000", "-o", str(picture)]
     codes: Counter[int] = Counter()
     means: list[tuple[int, np.ndarray]] = []
-    for number, seconds in moments(2, [*command, "-o", str(tmp_path / "alone.exr")]):
+    for end in ends(2):
         before = picture.read_bytes() if picture.exists() else None
-        code = ended(average, number, seconds)
+        code = ended(tmp_path, average, end)
         codes[code] += 1
         after = picture.read_bytes() if picture.exists() else None
         if code == -signal.SIGKILL:
             assert after == before
-        elif after != before:
+        elif end.begun:
             count = int(mi.Bitmap(str(picture)).metadata()["frames averaged"])
             means.append((count, imageio.read_rgb(picture)))
     counts = [count for count, _ in means]
     print(f"\nrender --average: exit codes {dict(codes)}, frames in each average {counts}")
-    assert counts
+    assert len(counts) == ENDS // 4
 
-    start = time.monotonic()
-    single = [*command, "--frames", str(max(counts)), "-o", str(tmp_path / "frame.exr")]
-    assert subprocess.run(single, check=False, capture_output=True).returncode == 0
+    run([*words, "--frames", str(max(counts)), "-o", str(tmp_path / "frame.exr")])
     total = np.zeros((9, 16, 3))
     sums = {}
     for frame in range(max(counts)):
         total = total + imageio.read_rgb(tmp_path / f"frame_{frame:04d}.exr")
         sums[frame + 1] = total
-    print(f"{max(counts)} single frames in {time.monotonic() - start:.0f} s")
     for count, mean in means:
         np.testing.assert_array_equal(mean, (sums[count] / count).astype(np.float32))

@@ -10,6 +10,8 @@ import sys as _sys
 import warnings as _warnings
 from pathlib import Path as _Path
 
+from .errors import root as _root
+
 __version__ = "0.1.0"
 
 _imported_first = "drjit" not in _sys.modules
@@ -20,9 +22,10 @@ try:
 
     import drjit as _dr  # Dr.Jit loads LLVM at import: it has to be chosen by then
     import mitsuba as _mi
-except KeyboardInterrupt:
+except BaseException as error:
     # The command is not there yet to say it in a line; a program of one's own decides for itself.
-    if _Path(_sys.argv[0]).stem not in ("mitsuba-restir", "-m"):
+    command = _Path(_sys.argv[0]).stem in ("mitsuba-restir", "-m")
+    if not command or not isinstance(_root(error), KeyboardInterrupt):
         raise
     print("mitsuba-restir: interrupted", file=_sys.stderr)
     raise SystemExit(130) from None

@@ -63,20 +63,22 @@ def _run(arguments: Sequence[str] | None, termination: Termination) -> int:
         return int(options.run(options))
     except SystemExit as asked:  # by --help and --version
         return int(asked.code or 0)
-    except KeyboardInterrupt as error:
-        return _interrupted(error, termination)
-    except RestirError as error:
-        # Ctrl-C inside a plugin arrives as the cause of an error of Dr.Jit's.
+    except (KeyboardInterrupt, Exception) as error:
+        # Ctrl-C inside Mitsuba or Dr.Jit arrives as the cause of an error of theirs.
         if isinstance(root(error), KeyboardInterrupt):
             return _interrupted(root(error), termination)
+        return _failed(error)
+
+
+def _failed(error: BaseException) -> int:
+    if isinstance(error, RestirError):
         _say(one_line(error))
         return error.exit_code
-    except OSError as error:
+    if isinstance(error, OSError) and error.filename is not None:
         # A name that the system refuses, as for its length, before anyone could look at the file.
-        if error.filename is None:
-            raise
         _say(f"{error.filename}: {error.strerror}")
         return UsageError.exit_code
+    raise error
 
 
 def _interrupted(error: BaseException, termination: Termination) -> int:
