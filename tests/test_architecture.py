@@ -49,7 +49,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "camera_path": COMMON,
     **dict.fromkeys(BESIDE, COMMON),
     **{room: (*COMMON, *CORE[:i]) for i, room in enumerate(CORE)},
-    "__init__": ("llvm", "integrators"),
+    "__init__": ("errors", "llvm", "integrators"),
     **{
         room: ("__init__", *COMMON, "llvm", "camera_path", *BESIDE, *CORE, *ABOVE[:i])
         for i, room in enumerate(ABOVE)
