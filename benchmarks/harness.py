@@ -14,8 +14,7 @@ from rich.console import Console
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import write_atomically
 from mitsuba_restir.studies import Study, Table, load_study
-from mitsuba_restir.studies.config.adapt import on_scene, quick
-from mitsuba_restir.studies.config.files import change_study
+from mitsuba_restir.studies.config.adapt import adapt
 from mitsuba_restir.studies.config.study import Size
 from mitsuba_restir.studies.measure.results import Row
 from mitsuba_restir.studies.measure.rows import interval_of
@@ -76,12 +75,8 @@ def _parser(benchmark: str) -> argparse.ArgumentParser:
 
 def _study(options: argparse.Namespace) -> Study:
     own = Path(__file__).parent / f"{options.study}.toml"
-    study = load_study(str(own) if own.is_file() else options.study, options.changes)
-    if options.scene:
-        study = on_scene(study, options.scene)
-    if options.quick:
-        study = quick(study)
-    return change_study(study, options.changes)
+    whole = partial(adapt, scene=options.scene, small=options.quick)
+    return load_study(str(own) if own.is_file() else options.study, options.changes, whole)
 
 
 def _rows(

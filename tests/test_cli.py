@@ -111,6 +111,7 @@ BAD = {
     "wrong suffix": (["render", "ajar", "-o", "out.jpg"], ".exr or .png"),
     "filter and denoiser": (["render", "ajar", "--denoise", "--keep-filter"], "box filter"),
     "missing camera path": (["render", "ajar", "--camera-path", "path.toml"], "path.toml"),
+    "no scene to compare": (["compare", ""], "neither a scene file nor"),
     "missing reference": (["compare", "ajar", "--reference", "none.exr"], "none.exr"),
     "reference name": (["compare", "ajar", "--make-reference", "out.png"], ".exr"),
 }

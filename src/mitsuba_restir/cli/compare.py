@@ -90,8 +90,12 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("argument --make-reference: the name must end in .exr")
     loading.choose_variant(options.variant)
     given = imageio.read_rgb(options.reference) if options.reference else None
-    study = _study(options, None if given is None else given.shape[1::-1])
-    make = _maker(study, options)
+    size = _size_of(options, None if given is None else given.shape[1::-1])
+    # Unlike the scene of a study it may have definitions and several sensors.
+    scene = loading.load_scene(options.scene, as_dict(options.definitions, "-D"), size)
+    sensor = loading.choose_sensor(scene, options.sensor)
+    study = _study(options, size)
+    make = _maker(study, scene, sensor)
     renderers = {name: make(name, variant) for name, variant in study.variants.items()}
     folder = Path(options.output or f"out/compare-{Path(options.scene).stem}")
     output.prepare_folder(options.make_reference.parent if options.make_reference else folder)
@@ -121,15 +125,20 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _study(options: argparse.Namespace, given: Size | None) -> Study:
-    """Put what the command line says into the study; `given` is the reference image's size."""
-    study = load_study("compare")
-    size = options.resolution or given or study.sizes[0]
+def _size_of(options: argparse.Namespace, given: Size | None) -> Size:
+    """Return the size asked for, or that of the reference image, or the study's own."""
+    size = options.resolution or given or load_study("compare").sizes[0]
     if given not in (None, size):
         raise UsageError(
             f"argument --reference: {options.reference} has {given[0]}x{given[1]} pixels, the "
             f"images have {size[0]}x{size[1]}"
         )
+    return size
+
+
+def _study(options: argparse.Namespace, size: Size) -> Study:
+    """Put what the command line says into the study."""
+    study = load_study("compare")
     parameters = parse_parameters(as_dict(options.parameters, "-p"))
     shared = {name: value for name, value in parameters.items() if name in SHARED_PARAMETERS}
     own = {"path": shared, "restir_pt": parameters}
@@ -151,12 +160,7 @@ def _depths(study: Study) -> Mapping[str, Value]:
     return {"max_depth": study.max_depth, **study.variants[study.baseline].parameters}
 
 
-def _maker(study: Study, options: argparse.Namespace) -> Make:
-    """Load the scene; unlike a study's own it may have definitions and several sensors."""
-    definitions = as_dict(options.definitions, "-D")
-    scene = loading.load_scene(options.scene, definitions, study.sizes[0])
-    sensor = loading.choose_sensor(scene, options.sensor)
-
+def _maker(study: Study, scene: Any, sensor: Any) -> Make:
     def make(name: str, variant: Variant) -> Renderer:
         integrator = make_integrator(study, name, variant)
         return renderer_of(scene, sensor, integrator, variant.spp, study.freeze)

@@ -7,6 +7,7 @@ import shlex
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,7 @@ from rich.console import Console
 
 from ..errors import UsageError
 from ..studies import load_study, packaged_studies, write_report
-from ..studies.config.adapt import on_scene, quick, without
-from ..studies.config.files import change_study
+from ..studies.config.adapt import adapt, without
 from ..studies.config.study import Reference, Study
 from ..studies.runner import run_folder
 from ..studies.runs.dask_cluster import dask_cluster
@@ -91,16 +91,9 @@ def _evaluate(folder: StudyFolder, dask: str | None, command: str) -> None:
 
 
 def _study(options: argparse.Namespace) -> Study:
-    study = load_study(options.study, options.changes)
-    if options.scene:
-        study = on_scene(study, options.scene)
-    if options.quick:
-        study = quick(study)
-    # Once more: these options change many keys at once, and the user's own are to stay.
-    study = change_study(study, options.changes)
-    if options.without:
-        study = without(study, options.without)
-    return _with_reference(options, study)
+    whole = partial(adapt, scene=options.scene, small=options.quick)
+    study = load_study(options.study, options.changes, whole)
+    return _with_reference(options, without(study, options.without))
 
 
 def _with_reference(options: argparse.Namespace, study: Study) -> Study:

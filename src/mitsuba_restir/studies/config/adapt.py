@@ -18,6 +18,13 @@ _AS_IT_WAS = (
 )
 
 
+def adapt(study: Study, scene: str | None, small: bool) -> Study:
+    """Put another scene in a study if one is given, and make it a quick look if wanted."""
+    if scene:
+        study = on_scene(study, scene)
+    return quick(study) if small else study
+
+
 def on_scene(study: Study, scene: str) -> Study:
     """Put another scene in a study: its whole view, a rendered reference, no published values."""
     reference = None if study.reference is None else _REFERENCE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,9 @@ def packaged_studies() -> list[str]:
     )
 
 
-def load_study(source: str, changes: Sequence[str] = ()) -> Study:
+def load_study(
+    source: str, changes: Sequence[str] = (), adapt: Callable[[Study], Study] | None = None
+) -> Study:
     """
     Read a study.
 
@@ -42,25 +44,16 @@ def load_study(source: str, changes: Sequence[str] = ()) -> Study:
     changes : sequence of str
         ``key=value`` with a TOML value (or plain text), applied on top; dots enter tables, as in
         ``variants.restir.spp=4``.
+    adapt : callable, optional
+        Changes the study as a whole; of what it changes, the keys in `changes` stay.
 
     Raises
     ------
     UsageError
         There is no such study, it is no TOML, or its content is wrong.
     """
-    return _changed(_table(source), changes, source)
-
-
-def change_study(study: Study, changes: Sequence[str]) -> Study:
-    """
-    Change keys of a study, as of `load_study`.
-
-    Raises
-    ------
-    UsageError
-        A key or value is wrong.
-    """
-    return _changed(to_table(study), changes, study.name)
+    study = _changed(_table(source), changes, source)
+    return study if adapt is None else _changed(to_table(adapt(study)), changes, source)
 
 
 def dump_study(study: Study) -> bytes:
