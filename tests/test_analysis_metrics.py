@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mitsuba_restir.analysis import denoise, intervals, metrics
+from mitsuba_restir.analysis import intervals, metrics
+from mitsuba_restir.analysis.denoise import denoise
 from mitsuba_restir.analysis.images import LUMINANCE_WEIGHTS, luminance, smoothed_reference
 from mitsuba_restir.imageio import to_srgb8
 

@@ -23,7 +23,7 @@ import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.runs.turns as runs_module
 import mitsuba_restir.studies.store.reference as reference_module
 from mitsuba_restir import cache, cli, studies
-from mitsuba_restir.analysis import relmse
+from mitsuba_restir.analysis.metrics import relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import encode_exr, write_atomically
 from mitsuba_restir.studies import load_study, packaged_studies, run_study
@@ -373,6 +373,9 @@ def test_every_quantity_can_be_measured(
     changes += ["reference.spp=4096", "runs=4"]
     table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
     assert {row.variant for row in table.rows} >= {"better"}
+    declared = {number.name: number.unit for number in QUANTITIES[name].numbers}
+    if declared:
+        assert {row.quantity: row.unit for row in table.rows}.items() <= declared.items()
     assert all(np.isfinite(row.value.value) for row in table.rows)
     if name != "block_bias":
         assert all(np.isfinite(row.value.low) for row in table.rows)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mitsuba_restir.analysis import run_products, spectrum
+from mitsuba_restir.analysis import spectrum
+from mitsuba_restir.analysis.covariance import run_products
 from mitsuba_restir.studies.measure.frame_errors import (
     filtered_mse,
     reference_noise,

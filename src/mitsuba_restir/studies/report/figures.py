@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..measure.quantities import QUANTITIES
 from ..measure.results import Row
 from .colours import line_colours
 from .curves import Curve, Lags, Radial, standard_error
@@ -180,7 +181,8 @@ def convergence(curves: Mapping[str, Curve], over: str, colours: Colours | None 
             low = np.maximum(mean - error, mean * 0.05)
             axes.fill_between(x, low, mean + error, color=colour, alpha=0.15, linewidth=0)
     label = "frames" if over == "frames" else "rendering time [s]"
-    axes.set(xscale="log", yscale="log", xlabel=label, ylabel="relMSE, trimmed")
+    (number,) = QUANTITIES["relmse_trimmed"].numbers
+    axes.set(xscale="log", yscale="log", xlabel=label, ylabel=number.name)
     _logarithmic(axes.xaxis)
     _logarithmic(axes.yaxis)
     _legend(axes)
