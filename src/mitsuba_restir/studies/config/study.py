@@ -6,15 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field
 from typing import Any, Literal
 
-import numpy as np
-from pydantic import ConfigDict, model_validator
+from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
 from ...errors import UsageError
 from .values import (
+    CLOSED,
     REFERENCE,
     Amount,
-    Angle,
     Batches,
     Count,
     Crop,
@@ -32,70 +31,13 @@ from .values import (
     Texts,
     Value,
     VariantName,
-    Vector,
 )
+from .view import Motion, View
 
 __all__ = ["REFERENCE", "Crop", "Motion", "Reference", "Size", "Study", "Variant", "View"]
 
-_CLOSED = ConfigDict(extra="forbid")
 
-
-@dataclass(frozen=True, config=_CLOSED)
-class View:
-    """
-    A perspective camera in place of the scene's own.
-
-    Fields
-    ------
-    fov : float
-        Horizontal field of view in degrees.
-    origin, target, up : (float, float, float)
-        As in Mitsuba's ``look_at``.
-    """
-
-    fov: Angle
-    origin: Vector
-    target: Vector
-    up: Vector = (0.0, 1.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Check that it looks somewhere (ValueError)."""
-        direction = np.subtract(self.target, self.origin)
-        if not direction.any():
-            raise ValueError(f"target must differ from origin, {list(self.origin)}")
-        if not np.cross(direction, self.up).any():
-            raise ValueError("up must point elsewhere than the view")
-
-
-@dataclass(frozen=True, config=_CLOSED)
-class Motion:
-    """
-    What moves evenly and arrives with the last frame of a run, where the reference is.
-
-    Fields
-    ------
-    step : (float, float, float)
-        Of the camera, in world units per frame; it arrives at the study's view.
-    light : str
-        A parameter of the scene that is a transform, as in "light.to_world" of a rectangle that
-        shines. What it moves arrives where the scene has it.
-    light_step : (float, float, float)
-        Its step in world units per frame.
-    """
-
-    step: Vector = (0.0, 0.0, 0.0)
-    light: Text = ""
-    light_step: Vector = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Check that something moves (ValueError)."""
-        if not any(self.step) and not self.light:
-            raise ValueError("give a step of the camera, or a light and its step")
-        if any(self.light_step) != bool(self.light):
-            raise ValueError("light and light_step go together")
-
-
-@dataclass(frozen=True, config=_CLOSED)
+@dataclass(frozen=True, config=CLOSED)
 class Variant:
     """
     One way to render the scene, or (with `of`) what is made of another variant's images.
@@ -143,7 +85,7 @@ class Variant:
         return {**{key: given[key] for key in own if key in given}, "parameters": parameters}
 
 
-@dataclass(frozen=True, config=_CLOSED)
+@dataclass(frozen=True, config=CLOSED)
 class Reference:
     """
     Where the truth comes from: files, or Mitsuba's `path`.
@@ -180,7 +122,7 @@ class Reference:
             raise ValueError(f"spp = {self.spp} is no multiple of the {self.batches} batches")
 
 
-@dataclass(frozen=True, config=_CLOSED)
+@dataclass(frozen=True, config=CLOSED)
 class Study:
     """
     One experiment.

@@ -11,6 +11,7 @@ from pydantic import (
     AfterValidator,
     AllowInfNan,
     BeforeValidator,
+    ConfigDict,
     Strict,
     StrictBool,
     StrictFloat,
@@ -24,6 +25,9 @@ from pydantic_core import PydanticCustomError
 
 REFERENCE = "reference"
 """What the truth is called beside the variants."""
+
+CLOSED = ConfigDict(extra="forbid")
+"""Of tables in which unknown keys are refused."""
 
 KIND = "kind"
 """Type of the error of a value that is not of its kind."""
