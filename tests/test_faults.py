@@ -107,6 +107,38 @@ def test_an_integrator_is_not_copied(rgb, duplicate: Callable[[Any], Any]):
         duplicate(renderer)
 
 
+def endless(**parameters: Any) -> Any:
+    """An integrator in a white box from which no path escapes, and a frame of it."""
+    film = {"type": "hdrfilm", "width": 8, "height": 4, "rfilter": {"type": "box"}}
+    white = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 1.0}}
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "sensor": {"type": "perspective", "film": film},
+            "box": {"type": "cube", "flip_normals": True, "bsdf": white},
+        }
+    )
+    renderer = mi.load_dict({"type": "restir_pt", "spatial": False, **parameters})
+    renderer.render(scene, spp=2)
+    return renderer
+
+
+@pytest.mark.parametrize(
+    ("parameters", "share"),
+    [
+        ({"rr_depth": 10_000}, 1.0),
+        ({"rr_depth": 10_000, "max_depth": 4096, "mutations": 1}, 1.0),
+        ({"rr_depth": 10_000, "max_depth": 4095}, None),
+        ({"rr_depth": 10_000, "max_depth": 7}, None),
+        ({}, None),
+    ],
+    ids=["no limit", "a longer limit", "the same limit", "a shorter limit", "roulette"],
+)
+def test_paths_that_are_cut_are_counted(rgb, parameters, share):
+    """Records have room for 4,095 edges; a limit that was asked for is none of their business."""
+    assert endless(**parameters).statistics().get("cut") == share
+
+
 # ------------------------------ camera paths ----------------------------------------------------
 
 
@@ -233,7 +265,7 @@ def test_ctrl_c_while_a_frame_is_recorded_comes_out(rgb, monkeypatch):
             renderer.render(scene, spp=1)
     assert isinstance(root(error.value), KeyboardInterrupt)
     assert renderer.render(scene, spp=1).shape == (4, 4, 3)
-    assert renderer._sample_paths._recorded is not None
+    assert renderer._sample_paths._recordable
 
 
 PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

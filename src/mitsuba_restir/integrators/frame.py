@@ -69,7 +69,8 @@ class Sampled:
     their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
     pixel's previous place; None without selection), ``direct`` (shown beside what the reservoirs
     hold: light seen directly, and candidates that are not finite), ``refused`` (how many candidates
-    and paths of the history were not finite), ``alpha``.
+    and paths of the history were not finite), ``alpha``, ``cut`` (pixels with a path that ends
+    because records have no room for more).
     """
 
     reservoirs: Reservoir
@@ -80,6 +81,7 @@ class Sampled:
     direct: mi.Color3f
     refused: mi.UInt32
     alpha: mi.Float
+    cut: mi.Bool
 
 
 @dataclass
@@ -88,8 +90,8 @@ class Frame:
 
     Fields: ``color``, ``alpha``, ``auxiliary`` (channels), ``outcomes`` (of the temporal pass and
     of each spatial round, 3 bits a shift), ``refused`` (a single one: candidates and paths of the
-    history that were not finite), ``matched`` (pixels that found their history), ``mutated`` (None
-    without mutations), ``history``.
+    history that were not finite), ``matched`` (pixels that found their history), ``cut`` (as of
+    :class:`Sampled`), ``mutated`` (None without mutations), ``history``.
     """
 
     color: mi.Color3f
@@ -98,6 +100,7 @@ class Frame:
     outcomes: list[list[mi.UInt32]]
     refused: mi.UInt32
     matched: mi.Bool
+    cut: mi.Bool
     mutated: Mutated | None
     history: History
 
@@ -176,13 +179,14 @@ def sample_paths(
     reservoirs, refused = candidates.reservoirs, candidates.refused
     direct = now.emitted + refused.color
     alpha = dr.maximum(now.backdrop, candidates.coverage)
-    dr.eval(reservoirs, direct, refused.count, alpha)
+    cut = candidates.cut if parameters.cuts else mi.Bool(False)
+    dr.eval(reservoirs, direct, refused.count, alpha, cut)
     if not parameters.temporal or camera is None:
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
         colors = _colors_at(history, nowhere)
         return Sampled(
-            reservoirs, [], nowhere.valid, nowhere.flow, colors, direct, refused.count, alpha
+            reservoirs, [], nowhere.valid, nowhere.flow, colors, direct, refused.count, alpha, cut
         )
 
     motion = reproject(scope.grid, now, history.hits, camera)
@@ -197,7 +201,7 @@ def sample_paths(
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
     colors = _colors_at(history, motion)
     sampled = Sampled(
-        reservoirs, [outcome], motion.valid, flow, colors, direct, refused.count, alpha
+        reservoirs, [outcome], motion.valid, flow, colors, direct, refused.count, alpha, cut
     )
     dr.eval(sampled)
     return sampled
@@ -250,7 +254,17 @@ def share_paths(
     refused = dr.sum(sampled.refused)
     dr.eval(color, extra, refused)
     history = History(reservoirs, now.hit, colors)
-    return Frame(color, sampled.alpha, extra, outcomes, refused, sampled.matched, mutated, history)
+    return Frame(
+        color,
+        sampled.alpha,
+        extra,
+        outcomes,
+        refused,
+        sampled.matched,
+        sampled.cut,
+        mutated,
+        history,
+    )
 
 
 def _colors_at(history: History, motion: Motion) -> ColorHistory | None:

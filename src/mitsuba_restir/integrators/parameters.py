@@ -136,6 +136,11 @@ class Parameters:
         return MAX_EDGES if self.max_depth == -1 else min(self.max_depth, MAX_EDGES)
 
     @property
+    def cuts(self) -> bool:
+        """Whether longer paths were asked for than records have room for."""
+        return self.max_depth == -1 or self.max_depth > MAX_EDGES
+
+    @property
     def mutates(self) -> bool:
         """Whether there are mutations."""
         return self.mutations > 0

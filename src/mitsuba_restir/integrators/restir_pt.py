@@ -180,7 +180,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         dict
             ``matched``: share of pixels that found their history. ``not_finite``: how many
             candidates, shifts and merges were not finite; none of them gets into a reservoir, and a
-            candidate is shown in its own frame as ``path`` would show it. One entry per reuse pass
+            candidate is shown in its own frame as ``path`` would show it. ``cut``: share of pixels
+            with a path that ends at 4,095 edges, the most that can be stored, although longer ones
+            were asked for (left out if there is none). One entry per reuse pass
             (``temporal``, ``spatial_0``, ...): the share of shifts by outcome, of those that had
             something to shift. ``mutations``: per class of path, its share of the pixels that had
             their turn, the acceptance rate, the shares of the accepted mutations that raise and

@@ -50,12 +50,14 @@ class Candidates:
     """What a frame's candidates leave.
 
     Fields: ``reservoirs``, ``refused`` (what a path tracer would show as well, but no reservoir can
-    hold), ``coverage`` (share of the trees that scatter by more than null lobes: alpha).
+    hold), ``coverage`` (share of the trees that scatter by more than null lobes: alpha), ``cut``
+    (whether a tree got as long as paths may be).
     """
 
     reservoirs: Reservoir
     refused: Refused
     coverage: mi.Float
+    cut: mi.Bool
 
 
 def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> Candidates:
@@ -71,37 +73,41 @@ def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> C
         Whether records carry the continuation that mutations need.
     """
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
-    streaming, refused, covered = _trees(scope, hit, spp, continued)
+    streaming, refused, covered, cut = _trees(scope, hit, spp, continued)
     reservoir = finalize(streaming, mi.Float(spp), confidence)
     lost = ~is_sound(reservoir.weight, streaming.total)
     shown = streaming.color * (streaming.total / target(streaming.color))
     refused = refuse(refused, shown, lost)
     refused.color /= mi.Float(spp)
     reservoir.weight = dr.select(lost, 0, reservoir.weight)
-    return Candidates(reservoir, refused, covered / mi.Float(spp))
+    return Candidates(reservoir, refused, covered / mi.Float(spp), cut)
 
 
 @dr.syntax
 def _trees(
     scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool
-) -> tuple[Streaming, Refused, mi.Float]:
+) -> tuple[Streaming, Refused, mi.Float, mi.Bool]:
     streaming, refused = empty_streaming(continued), none_refused()
-    covered = mi.Float(0)
+    covered, cut = mi.Float(0), mi.Bool(False)
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
     while dr.hint(tree < spp, exclude=[scope], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
-        streaming, refused, scattered = _tree(scope, hit, name, streaming, refused)
+        streaming, refused, scattered, length = _tree(scope, hit, name, streaming, refused)
         covered += dr.select(scattered, mi.Float(1), 0)
+        cut |= length == scope.limits.max_depth
         tree += 1
-    return streaming, refused, covered
+    return streaming, refused, covered, cut
 
 
 @dr.syntax
 def _tree(
     scope: Scope, hit: PrimaryHit, name: PathName, streaming: Streaming, refused: Refused
-) -> tuple[Streaming, Refused, mi.Bool]:
-    """Trace one path tree, stream its sub-paths through the reservoir, tell whether it scatters."""
+) -> tuple[Streaming, Refused, mi.Bool, mi.UInt32]:
+    """Trace one path tree and stream its sub-paths through the reservoir.
+
+    Also returned: whether it scatters, and the edges of its longest path.
+    """
     scene, mapping, limits = scope.scene, scope.mapping, scope.limits
     stream = scope.stream(name)
     choices = FrameKey(name.sample, name.seed).stream(Purpose.INITIAL, name.pixel)
@@ -175,4 +181,4 @@ def _tree(
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         j += 1
 
-    return streaming, refused, scattered
+    return streaming, refused, scattered, j - 1
