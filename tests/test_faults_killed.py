@@ -31,7 +31,7 @@ sizes = ["16x9"]
 max_depth = 3
 warmup = 2
 frames = 4
-runs = 300
+runs = 100
 quantities = ["rmse"]
 baseline = "one"
 [variants.one]
@@ -51,7 +51,7 @@ import sys
 from pathlib import Path
 from mitsuba_restir import cli
 from mitsuba_restir.cli.writer import Writer
-from mitsuba_restir.studies.store import StudyFolder
+from mitsuba_restir.studies.store.folder import StudyFolder
 
 def marked(finish):
     def finished(*arguments):

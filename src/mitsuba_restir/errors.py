@@ -62,11 +62,11 @@ def rendering(name: str = "") -> Iterator[None]:
     """
     try:
         yield
-    except (RestirError, RuntimeError, SystemError, ValueError, MemoryError) as error:
+    except Exception as error:
         cause = root(error)
         if isinstance(cause, KeyboardInterrupt):
             raise KeyboardInterrupt from error
-        if isinstance(error, RestirError):
+        if not isinstance(error, RuntimeError | SystemError | ValueError | MemoryError):
             raise
         prefix = f"{name}: " if name else ""
         raise RenderError(f"{prefix}rendering failed: {one_line(cause)}") from error

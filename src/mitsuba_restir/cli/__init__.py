@@ -66,7 +66,8 @@ def _run(arguments: Sequence[str] | None, termination: Termination) -> int:
     except (KeyboardInterrupt, Exception) as error:
         # Ctrl-C inside Mitsuba or Dr.Jit arrives as the cause of an error of theirs.
         if isinstance(root(error), KeyboardInterrupt):
-            return _interrupted(root(error), termination)
+            said = error if isinstance(error, KeyboardInterrupt) else ""
+            return _interrupted(str(said), termination)
         return _failed(error)
 
 
@@ -81,10 +82,9 @@ def _failed(error: BaseException) -> int:
     raise error
 
 
-def _interrupted(error: BaseException, termination: Termination) -> int:
-    # What a command has to say about it.
-    text = f"; {error}" if str(error) else ""
-    _say(f"{'terminated' if termination.came else 'interrupted'}{text}")
+def _interrupted(remark: str, termination: Termination) -> int:
+    how = "terminated" if termination.came else "interrupted"
+    _say(f"{how}; {remark}" if remark else how)
     return termination.code
 
 
