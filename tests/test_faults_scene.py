@@ -27,6 +27,9 @@ QUICK = {
     "shape shapegroup": ["thing.box.vertex_positions"],
     "shape sdfgrid": ["thing.grid"],
     "texture mesh_attribute": ["thing.vertex_color"],
+    "emitter point": ["thing.position", "thing.intensity.value"],
+    "emitter rectangle": ["thing.emitter.radiance.value"],
+    "emitter constant": ["thing.radiance.value"],
 }
 
 
@@ -156,6 +159,22 @@ def test_only_edits_of_primitives_reshape(rgb):
     parameters.update()
     assert watch.look(thorough=False).reshaped == (cube,)
     assert watch.look(thorough=False) is None
+
+
+def test_recordings_follow_lights_alone(rgb):
+    scene = mi.load_dict(edits.things()["bsdf plastic"])
+    watch, parameters = SceneWatch(scene), mi.traverse(scene)
+    for names, replayable in (
+        (["lamp.emitter.radiance.value"], True),
+        (["lamp.emitter.radiance.value", "sky.radiance.value"], True),
+        (["lamp.emitter.radiance.value", "thing.bsdf.eta"], False),
+        (["thing.bsdf.diffuse_reflectance.value"], False),
+        (["thing.to_world"], False),
+    ):
+        for name in names:
+            parameters[name] = edits.edited(name.split(".")[-1], parameters[name], 1)
+        parameters.update()
+        assert watch.look(thorough=False).replayable is replayable, names
 
 
 def test_watching_many_shapes_costs_little(rgb):

@@ -52,8 +52,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     the film size or the kind of sensor changes.
 
     Edits of the scene are noticed before the next frame, which is then traced again and takes
-    several times as long. History over shapes that get other primitives is dropped by itself.
-    Frames of several threads take turns; a scene must not be edited while it is rendered.
+    several times as long (not if only the camera or the colours of lights have changed). History
+    over shapes that get other primitives is dropped by itself. Frames of several threads take
+    turns; a scene must not be edited while it is rendered.
 
     - Every mode that is not named biased converges to the image of ``path``; frames of one sequence
       are correlated.
@@ -255,6 +256,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     def _follow(self, scene: mi.Scene, edit: Edit) -> None:
         """Let go of what an edit of the scene has made wrong."""
+        if edit.replayable:
+            return
         if self._history is None:
             self._record_stages(scene)
             return

@@ -17,6 +17,9 @@ import mitsuba as mi
 RESHAPING = ("faces", "segment_indices", "grid")
 """Parameters of shapes that say what a primitive is."""
 
+LIGHTS = ("AreaLight", "PointLight", "ConstantBackgroundEmitter")
+"""Emitters whose colour recordings follow."""
+
 _FIXED = ("vertex_positions", "vertex_normals", "vertex_texcoords")
 """Parameters of meshes whose names begin like those of attributes."""
 
@@ -29,9 +32,12 @@ class Edit:
     ----------
     reshaped : tuple of Shape
         Shapes whose primitives are not what they were, those in shape groups included.
+    replayable : bool
+        Whether recordings follow it: lights have other colours or places, and that is all.
     """
 
     reshaped: tuple[mi.Shape, ...]
+    replayable: bool
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,8 @@ class SceneWatch:
                 shape
                 for shape, primitives in self._known.primitives.items()
                 if known.primitives.get(shape) != primitives
-            )
+            ),
+            self._known.differs_in_lights(known),
         )
 
 
@@ -94,7 +101,7 @@ class _Contents:
     """
 
     def __init__(self, scene: mi.Scene) -> None:
-        nodes, parameters = _exposed(scene)
+        nodes, parameters, self._parents = _exposed(scene)
         self.structure = [*nodes, *((p.node, p.name) for p in parameters)]
         self._shapes = [node for node in nodes if isinstance(node, mi.Shape)]
         self._meshes = [node for node in self._shapes if isinstance(node, mi.Mesh)]
@@ -103,6 +110,7 @@ class _Contents:
         self._python = [vars(node) for node in nodes if hasattr(node, "__dict__")]
 
         self._variables: list[Any] = []
+        self._of_lights: list[bool] = []
         self._numbers: list[Parameter] = []
         self._records: list[tuple[Any, Any]] = []
         meaning: dict[mi.Shape, list[int]] = {shape: [] for shape in self._shapes}
@@ -112,6 +120,7 @@ class _Contents:
             value = parameter.read()
             if indices := dr.detail.collect_indices(value):
                 self._variables.append(_witness(value))
+                self._of_lights.append(_is_of_light(parameter, self._parents))
                 if parameter.name in RESHAPING and parameter.node in meaning:
                     meaning[parameter.node] += indices
             elif isinstance(value, (bool, int, float, str)):
@@ -128,6 +137,21 @@ class _Contents:
         """Whether the scene has another state by now."""
         return self._read() != self._state or not all(
             dr.all(value == copy, axis=None) for value, copy in self._records
+        )
+
+    def differs_in_lights(self, other: _Contents) -> bool:
+        """Whether nothing but colours and places of lights differs from ``other``."""
+        copies = zip(self._records, other._records, strict=False)
+        return (
+            self.structure == other.structure
+            and self._state[1:] == other._state[1:]
+            and all(dr.all(mine == theirs, axis=None) for (_, mine), (_, theirs) in copies)
+            and all(
+                of_light or dr.detail.collect_indices(mine) == dr.detail.collect_indices(theirs)
+                for mine, theirs, of_light in zip(
+                    self._held[0], other._held[0], self._of_lights, strict=True
+                )
+            )
         )
 
     def _read(self) -> list[Any]:
@@ -156,8 +180,13 @@ class _Contents:
         ]
 
 
-def _exposed(scene: mi.Scene) -> tuple[list[mi.Object], list[Parameter]]:
-    """The nodes of a scene and their parameters, without sensors: no recording reads them."""
+def _exposed(
+    scene: mi.Scene,
+) -> tuple[list[mi.Object], list[Parameter], dict[mi.Object, mi.Object | None]]:
+    """The nodes of a scene, their parameters, and each node's parent.
+
+    Sensors are left out: no recording reads them.
+    """
     exposed = mi.traverse(scene)
     outside = (mi.Sensor, mi.Integrator)
     inside: dict[mi.Object, bool] = {}
@@ -168,7 +197,16 @@ def _exposed(scene: mi.Scene) -> tuple[list[mi.Object], list[Parameter]]:
         for key, (pointer, kind, node, _) in exposed.properties.items()
         if inside[node] and pointer is not None
     ]
-    return [node for node in inside if inside[node]], parameters
+    parents = {node: parent for node, (parent, _) in exposed.hierarchy.items()}
+    return [node for node in inside if inside[node]], parameters, parents
+
+
+def _is_of_light(parameter: Parameter, parents: dict[mi.Object, mi.Object | None]) -> bool:
+    """Whether it is the colour or the place of a light that Mitsuba keeps in variables alone."""
+    if parameter.name == "position":
+        return parameter.node.class_name() == "PointLight"
+    light = parents.get(parameter.node)
+    return parameter.name == "value" and light is not None and light.class_name() in LIGHTS
 
 
 def _is_mesh_attribute(parameter: Parameter) -> bool:
