@@ -99,7 +99,10 @@ def run(options: argparse.Namespace) -> int:
     make = _maker(study, scene, sensor)
     renderers = {name: make(name, variant) for name, variant in study.variants.items()}
     folder = Path(options.output or f"out/compare-{Path(options.scene).stem}")
-    output.prepare_folder(options.make_reference.parent if options.make_reference else folder)
+    if options.make_reference:
+        output.prepare_folder(options.make_reference.parent, options.make_reference.name)
+    else:
+        output.prepare_folder(folder)
     spp, origin = options.reference_spp, str(options.reference)
     with rendering(), progress_bar("reference") as progress:
         if options.make_reference:
