@@ -29,7 +29,7 @@ def developed(film: mi.Film, names: Sequence[str], frame: Frame) -> mi.TensorXf:
     grid = grid_of(*film.crop_size())
     x, y = grid.place(grid.pixels())
     center = mi.Point2f(x, y) + 0.5 + mi.Vector2f(film.crop_offset())
-    alpha = [frame.alpha] if mi.has_flag(film.flags(), mi.FilmFlags.Alpha) else []
+    alpha = [frame.beside.alpha] if mi.has_flag(film.flags(), mi.FilmFlags.Alpha) else []
     block.put(center, [*frame.color, *alpha, mi.Float(1), *frame.auxiliary])
     film.put_block(block)
     return film.develop()

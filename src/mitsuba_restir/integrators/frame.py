@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -62,15 +62,27 @@ class Setting:
 
 
 @dataclass
+class Beside:
+    """What a frame shows and counts beside what its reservoirs hold.
+
+    Fields: ``direct`` (light seen directly, and candidates that are not finite), ``alpha``,
+    ``refused`` (how many candidates and paths of the history were not finite), ``cut`` (pixels with
+    a path that ends because records have no room for more).
+    """
+
+    direct: mi.Color3f
+    alpha: mi.Float
+    refused: mi.UInt32
+    cut: mi.Bool
+
+
+@dataclass
 class Sampled:
     """A frame after temporal reuse.
 
     Fields: ``reservoirs``, ``outcomes`` (of the temporal shifts), ``matched`` (pixels that found
     their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
-    pixel's previous place; None without selection), ``direct`` (shown beside what the reservoirs
-    hold: light seen directly, and candidates that are not finite), ``refused`` (how many candidates
-    and paths of the history were not finite), ``alpha``, ``cut`` (pixels with a path that ends
-    because records have no room for more).
+    pixel's previous place; None without selection), ``beside``.
     """
 
     reservoirs: Reservoir
@@ -78,30 +90,24 @@ class Sampled:
     matched: mi.Bool
     flow: mi.Vector2f
     colors: ColorHistory | None
-    direct: mi.Color3f
-    refused: mi.UInt32
-    alpha: mi.Float
-    cut: mi.Bool
+    beside: Beside
 
 
 @dataclass
 class Frame:
     """A rendered frame.
 
-    Fields: ``color``, ``alpha``, ``auxiliary`` (channels), ``outcomes`` (of the temporal pass and
-    of each spatial round, 3 bits a shift), ``refused`` (a single one: candidates and paths of the
-    history that were not finite), ``matched`` (pixels that found their history), ``cut`` (as of
-    :class:`Sampled`), ``mutated`` (None without mutations), ``history``.
+    Fields: ``color``, ``auxiliary`` (channels), ``outcomes`` (of the temporal pass and of each
+    spatial round, 3 bits a shift), ``matched`` (pixels that found their history), ``mutated`` (None
+    without mutations), ``beside``, ``history``.
     """
 
     color: mi.Color3f
-    alpha: mi.Float
     auxiliary: list[mi.Float]
     outcomes: list[list[mi.UInt32]]
-    refused: mi.UInt32
     matched: mi.Bool
-    cut: mi.Bool
     mutated: Mutated | None
+    beside: Beside
     history: History
 
 
@@ -177,32 +183,31 @@ def sample_paths(
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
     candidates = initial(scope, now.hit, spp, parameters.mutates)
     reservoirs, refused = candidates.reservoirs, candidates.refused
-    direct = now.emitted + refused.color
-    alpha = dr.maximum(now.backdrop, candidates.coverage)
-    cut = candidates.cut if parameters.cuts else mi.Bool(False)
-    dr.eval(reservoirs, direct, refused.count, alpha, cut)
+    beside = Beside(
+        now.emitted + refused.color,
+        dr.maximum(now.backdrop, candidates.coverage),
+        refused.count,
+        candidates.cut if parameters.cuts else mi.Bool(False),
+    )
+    dr.eval(reservoirs, beside)
     if not parameters.temporal or camera is None:
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
         colors = _colors_at(history, nowhere)
-        return Sampled(
-            reservoirs, [], nowhere.valid, nowhere.flow, colors, direct, refused.count, alpha, cut
-        )
+        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, beside)
 
     motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
     hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
     if parameters.retrace_history:
         before, lost = retrace(scope, before, hit_before, motion.valid)
-        refused.count += dr.select(lost, mi.UInt32(1), 0)
-        dr.eval(before, refused.count)
+        beside.refused += dr.select(lost, mi.UInt32(1), 0)
+        dr.eval(before, beside)
     previous = Previous(before, hit_before, motion.valid)
     reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
     colors = _colors_at(history, motion)
-    sampled = Sampled(
-        reservoirs, [outcome], motion.valid, flow, colors, direct, refused.count, alpha, cut
-    )
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside)
     dr.eval(sampled)
     return sampled
 
@@ -248,23 +253,13 @@ def share_paths(
             scope, now.hit, color, estimators, sampled.colors, parameters.retrace_history
         )
 
-    color += sampled.direct
+    color += sampled.beside.direct
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
-    refused = dr.sum(sampled.refused)
-    dr.eval(color, extra, refused)
+    beside = replace(sampled.beside, refused=dr.sum(sampled.beside.refused))
+    dr.eval(color, extra, beside)
     history = History(reservoirs, now.hit, colors)
-    return Frame(
-        color,
-        sampled.alpha,
-        extra,
-        outcomes,
-        refused,
-        sampled.matched,
-        sampled.cut,
-        mutated,
-        history,
-    )
+    return Frame(color, extra, outcomes, sampled.matched, mutated, beside, history)
 
 
 def _colors_at(history: History, motion: Motion) -> ColorHistory | None:

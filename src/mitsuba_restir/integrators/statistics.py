@@ -19,9 +19,9 @@ def frame_statistics(frame: Frame, parameters: Parameters) -> dict[str, Any]:
     temporal, *rounds = frame.outcomes
     statistics: dict[str, Any] = {
         "matched": float(dr.mean(mi.Float(frame.matched))[0]),
-        "not_finite": int(frame.refused[0]) + refused_count(frame.outcomes),
+        "not_finite": int(frame.beside.refused[0]) + refused_count(frame.outcomes),
     }
-    if cut := float(dr.mean(mi.Float(frame.cut))[0]):
+    if cut := float(dr.mean(mi.Float(frame.beside.cut))[0]):
         statistics["cut"] = cut
     if temporal:
         statistics["temporal"] = outcome_shares(temporal, 2)
