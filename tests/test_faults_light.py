@@ -15,6 +15,7 @@ import pytest
 from scipy import stats
 from support import references, rooms
 from support.bias import BiasReport
+from support.finite import not_finite, poisoned
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
 from support.runs import ALPHA, assert_unbiased, bias_report, independent_runs, integrator
@@ -100,21 +101,6 @@ def mend(scene: mi.Scene) -> None:
     (key,) = [key for key in parameters.keys() if key.endswith("reflectance.data")]
     parameters[key] = mi.TensorXf(np.full((16, 16, 3), 0.5, np.float32))
     parameters.update()
-
-
-def not_finite(image: Any) -> int:
-    """Pixels of a picture that are not finite."""
-    return int((~np.isfinite(np.array(image)[..., :3])).any(axis=-1).sum())
-
-
-def poisoned(renderer: Any) -> int:
-    """Values of the history that are not finite."""
-    history = renderer._history
-    values = [history.reservoirs.weight, history.reservoirs.color, history.reservoirs.confidence]
-    values += [history.reservoirs.path.radiance, history.reservoirs.path.factor]
-    if history.colors is not None:
-        values += [history.colors.color]
-    return sum(int((~np.isfinite(np.array(value))).sum()) for value in values)
 
 
 HOSTILE = {

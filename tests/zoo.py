@@ -241,7 +241,7 @@ def emitters() -> dict[str, Scene]:
     }
 
 
-def _moved(plugin: Scene, x: float, y: float) -> Scene:
+def moved(plugin: Scene, x: float, y: float) -> Scene:
     """The plugin, translated in the plane of the booths."""
     offset = mi.ScalarTransform4f().translate([x, y, 0])
     plugin = dict(plugin)
@@ -291,7 +291,7 @@ def emitter_zoo() -> Scene:
         }
     for i, (name, light) in enumerate(emitters().items()):
         x, y = i % 4 - 1.5, 1.0 - i // 4
-        scene[f"light_{name}"] = _moved(light, x, y)
+        scene[f"light_{name}"] = moved(light, x, y)
         scene[f"ball_{name}"] = {
             "type": "sphere",
             "center": [x + 0.22, y - 0.3, -0.1],
@@ -474,6 +474,17 @@ def shapes() -> dict[str, Scene]:
     }
 
 
+def placed(shape: Scene, center: Any, size: float) -> Scene:
+    """One of `shapes`, scaled and moved."""
+    if shape["type"].startswith("ellipsoids"):  # they take no transformation
+        centers = mi.TensorXf(size * np.array(shape["centers"]) + [center])
+        scales = mi.TensorXf(0.4 * size * np.array(shape["scales"]))
+        return {**shape, "centers": centers, "scales": scales}
+    transform = mi.ScalarTransform4f
+    place = transform().translate(center).scale(size)
+    return {**shape, "to_world": place @ shape.get("to_world", transform())}
+
+
 def shape_zoo(glossy: bool = False) -> Scene:
     """All shapes over a floor."""
     transform = mi.ScalarTransform4f
@@ -498,13 +509,7 @@ def shape_zoo(glossy: bool = False) -> Scene:
     }
     for i, (name, shape) in enumerate(shapes().items()):
         x, z = (i % 5 - 2) * 1.35, (i // 5 - 1) * 1.5
-        place = transform().translate([x, 0.55, z]).scale(0.5)
-        shape = dict(shape)
-        if shape["type"].startswith("ellipsoids"):  # they take no transformation
-            shape["centers"] = mi.TensorXf(0.5 * np.array(shape["centers"]) + [[x, 0.55, z]])
-            shape["scales"] = mi.TensorXf(0.2 * np.array(shape["scales"]))
-        else:
-            shape["to_world"] = place @ shape.get("to_world", transform())
+        shape = placed(shape, [x, 0.55, z], 0.5)
         if shape["type"] != "instance":
             shape.setdefault("bsdf", bsdf)
         scene[f"shape_{name}"] = shape

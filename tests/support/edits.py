@@ -73,7 +73,7 @@ def things() -> dict[str, dict[str, Any]]:
         for name, emitter in zoo.emitters().items()
         if name != "none"
     }
-    for name, sky in _skies().items():
+    for name, sky in skies().items():
         scenes[f"emitter {name}"] = scene_with(sky)
         del scenes[f"emitter {name}"]["sky"]
     for name in ("perspective", "thinlens", "orthographic"):
@@ -128,7 +128,7 @@ def _colored_mesh() -> mi.Mesh:
     return mesh
 
 
-def _skies() -> dict[str, dict[str, Any]]:
+def skies() -> dict[str, dict[str, Any]]:
     return {
         "envmap": zoo.envmap_scene()["sky"],
         "sunsky": zoo.sunsky_scene()["sky"],
@@ -141,13 +141,17 @@ def _skies() -> dict[str, dict[str, Any]]:
     }
 
 
-def thing_parameters(scene: mi.Scene, parameters: mi.SceneParameters) -> list[str]:
+def thing_parameters(parameters: mi.SceneParameters) -> list[str]:
     """Keys of the parameters of ``thing`` that can be edited."""
+    return [key for key in editable(parameters) if key.split(".")[0] == "thing"]
+
+
+def editable(parameters: mi.SceneParameters) -> list[str]:
+    """Keys of all parameters that can be edited, but for those of films."""
     return [
         key
         for key in parameters.keys()
-        if key.split(".")[0] == "thing"
-        and ".film." not in key
+        if ".film." not in key
         and key.split(".")[-1] not in UNEDITED
         and not parameters.flags(key) & mi.ParamFlags.ReadOnly
         and parameters.properties[key][0] is not None
@@ -215,7 +219,7 @@ def stale_edits(
     renderer = mi.load_dict(RENDERER)
     frames(renderer, scene)
     result: dict[str, list[int]] = {}
-    for key in keys or thing_parameters(scene, mi.traverse(scene)):
+    for key in keys or thing_parameters(mi.traverse(scene)):
         parameters = mi.traverse(scene)
         start = parameters[key]
         start = start if isinstance(start, int | float) else type(start)(start)
