@@ -66,6 +66,8 @@ def combination(seed: int) -> Combination:
         mi.set_variant(variant)
     scene, names = _scene(rng)
     parameters = _parameters(rng)
+    if variant == "llvm_ad_mono":
+        del parameters["aovs"]  # the tests take the first three channels for the picture
     return Combination(
         variant,
         scene,
@@ -88,6 +90,8 @@ def _scene(rng: np.random.Generator) -> tuple[Scene, dict[str, list[str]]]:
     if sky:
         scene["sky"] = sky
     shapes = zoo.shapes()
+    if rng.random() < 0.8:
+        del shapes["ellipsoidsmesh"]  # cannot be recorded: a seed takes ten times as long
     objects = _picked(rng, list(shapes), int(rng.integers(1, 4)))
     surfaces = []
     for i, name in enumerate(objects):
@@ -221,6 +225,8 @@ def _parameters(rng: np.random.Generator) -> dict[str, Any]:
         "connectability": one("footprint", "footprint", "distance_roughness"),
         "retrace_history": one(False, True),
         "mutations": one(0, 0, 1, 3),
+        "mutation_acceptance": "metropolis",
+        "blue_noise": "none",
         "mutation_step": float(10 ** rng.uniform(-3, 0)),
         "mutation_interval": one(1, 1, 2, 4),
         "blue_noise_seeds": one(False, False, True),

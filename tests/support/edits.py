@@ -134,10 +134,6 @@ def skies() -> dict[str, dict[str, Any]]:
         "sunsky": zoo.sunsky_scene()["sky"],
         "constant": {"type": "constant", "radiance": 0.4},
         "directional": {"type": "directional", "direction": [0.3, -1, -0.4], "irradiance": 1.0},
-        "blackbody": {
-            "type": "constant",
-            "radiance": {"type": "blackbody", "temperature": 5000.0},
-        },
     }
 
 
