@@ -42,7 +42,8 @@ class Stage:
 
     Freezing skips re-tracing the Python code; the kernels are the same, so the images are too. Some
     scenes cannot be recorded, because Mitsuba 3.9 does not expose all of their state (a bitmap on
-    an area light; the colour matching tables of spectral variants): they are traced every frame.
+    an area light; ``ellipsoidsmesh``; the colour matching tables of spectral variants): they are
+    traced every frame.
     """
 
     def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
