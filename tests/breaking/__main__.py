@@ -61,7 +61,8 @@ def _seed(seed: int, seeds: int, as_json: bool) -> int:
         "frames": chosen.frames,
         "moving": chosen.moving,
     }
-    print(json.dumps(record) if as_json else _page(record))
+    # Mitsuba's warnings are on standard output as well, and leave their last line open.
+    print("\n" + json.dumps(record) if as_json else _page(record))
     return 1 if result.failures else 0
 
 
