@@ -157,6 +157,17 @@ def test_only_candidates_are_shown(wall):
     assert taken.min() > 100
 
 
+def test_no_candidate_is_below_zero(rgb):
+    """Where all the light is in one estimate, the mean without it is none, not what rounding leaves."""
+    values, _, _ = random_frame()
+    values[1:] = 0
+    pixels = PairEstimators([color(v) for v in np.roll(values, 1, axis=0)], everywhere())
+    mean = sum(pixels.colors, mi.Color3f(0)) / (PAIRS + 1)
+    lowest = [float(dr.min(dr.min(c))[0]) for c, _ in select.candidates(pixels, mean)]
+    assert len(lowest) == 2 * (PAIRS + 1)
+    assert min(lowest) == 0
+
+
 def test_every_choice_is_the_best_when_it_is_made(wall):
     # For the pixels of the last set, whose neighbours have all chosen. No error is out of bounds.
     values, mean, reference = random_frame(shape=4.0)

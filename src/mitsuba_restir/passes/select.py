@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import accumulate
 
 import drjit as dr
 import mitsuba as mi
@@ -148,10 +149,15 @@ def choose(
 def candidates(estimators: PairEstimators, mean: mi.Color3f) -> list[tuple[mi.Color3f, mi.Bool]]:
     """A pixel's candidates beside the mean, and whether it has this one."""
     pairs = sum(dr.select(valid, mi.Float(1), 0) for valid in estimators.valid[1:])
+    colors, none = estimators.colors, mi.Color3f(0)
+    before = accumulate(colors, initial=none)
+    after = [*accumulate(colors[:0:-1], initial=none)][::-1]
     found = []
-    for color, valid in zip(estimators.colors, estimators.valid, strict=True):
-        step = (mean - color) / dr.maximum(pairs, 1)
-        found += [(mean + step, valid & (pairs > 1)), (mean - step, valid & (pairs > 1))]
+    for color, valid, earlier, later in zip(colors, estimators.valid, before, after, strict=False):
+        # The sum of the others, not m + (m - g) / k: its rounding can be below zero.
+        without = (earlier + later) / dr.maximum(pairs, 1)
+        mirrored = mean - (mean - color) / dr.maximum(pairs, 1)
+        found += [(without, valid & (pairs > 1)), (mirrored, valid & (pairs > 1))]
     return found
 
 
