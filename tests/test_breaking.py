@@ -18,8 +18,8 @@ from tests.breaking.generator import combination
 SOUND = (1, 4)
 """Seeds that are quick."""
 
-WITH_JACOBIANS = (8, 10, 13, 16)
-"""Seeds with reconnections whose Jacobians are far from one."""
+WITH_JACOBIANS = (1, 11)
+"""Seeds with reconnections whose Jacobians are far from one, and little noise."""
 
 
 @pytest.fixture(autouse=True)

@@ -158,7 +158,7 @@ def test_only_candidates_are_shown(wall):
 
 
 def test_no_candidate_is_below_zero(rgb):
-    """Where all the light is in one estimate, the mean without it is none, not what rounding leaves."""
+    """The mean without the one estimate that has light is zero, not what rounding leaves."""
     values, _, _ = random_frame()
     values[1:] = 0
     pixels = PairEstimators([color(v) for v in np.roll(values, 1, axis=0)], everywhere())
