@@ -96,6 +96,10 @@ MODES: dict[str, Mode] = {
         scene="cornell",
         edit=_move_light,
     ),
+    "guided": Mode({"guiding": True}),
+    "guided_retraced": Mode(
+        {"guiding": True, "retrace_history": True, **_MUTATED}, scene="cornell"
+    ),
     "seeds": Mode({"blue_noise_seeds": True, **_MUTATED}),
     "moving_camera": Mode(edit=_move_camera, scene="cornell"),
     "moving_camera_selection": Mode(

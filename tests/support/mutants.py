@@ -21,7 +21,16 @@ import pytest
 _NUMBER = itertools.count()
 
 
-_PACKAGES = ("paths", "shifts", "resampling", "neighbors", "mutations", "passes")
+_PACKAGES = (
+    "paths",
+    "shifts",
+    "resampling",
+    "neighbors",
+    "mutations",
+    "guiding",
+    "guiding",
+    "passes",
+)
 
 
 @dataclass(frozen=True)

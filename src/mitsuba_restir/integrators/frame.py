@@ -8,6 +8,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..guiding.guide import Guide, no_guide
+from ..guiding.learn import learn
+from ..guiding.steering import ByBsdf, ByGuide, Steering
 from ..mutations.chain import Mutated
 from ..mutations.kind import MutationPlan
 from ..mutations.proposals import MoveReconnectionVertex
@@ -33,17 +36,25 @@ from ..shifts.mapping import ShiftMapping
 from ..shifts.scope import Scope
 from .parameters import Parameters
 
+ALPHA = 0.7
+"""Share of the bounces that are drawn from the BSDF where there is a guide."""
+
+FADING = 0.9
+"""What a guide's past counts with from frame to frame where the scene changes."""
+
 
 @dataclass
 class History:
     """What a frame leaves to the next one, one lane per pixel.
 
-    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it).
+    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it), ``guide`` (None
+    without guiding).
     """
 
     reservoirs: Reservoir
     hits: PrimaryHit
     colors: ColorHistory | None
+    guide: Guide | None
 
 
 @dataclass
@@ -82,7 +93,7 @@ class Sampled:
 
     Fields: ``reservoirs``, ``outcomes`` (of the temporal shifts), ``matched`` (pixels that found
     their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
-    pixel's previous place; None without selection), ``beside``.
+    pixel's previous place; None without selection), ``beside``, ``guide`` (the candidates').
     """
 
     reservoirs: Reservoir
@@ -91,6 +102,7 @@ class Sampled:
     flow: mi.Vector2f
     colors: ColorHistory | None
     beside: Beside
+    guide: Guide | None
 
 
 @dataclass
@@ -154,13 +166,14 @@ class Plan:
         )
 
 
-def no_history(pixels: int, parameters: Parameters) -> History:
+def no_history(scene: mi.Scene, pixels: int, parameters: Parameters) -> History:
     """A history without paths, with the structure that later frames have."""
     index = dr.zeros(mi.UInt32, pixels)
     history = History(
         dr.gather(Reservoir, empty_reservoir(parameters.mutates), index),
         dr.gather(PrimaryHit, no_primary_hit(), index),
         dr.gather(ColorHistory, no_color_history(), index) if parameters.selects else None,
+        no_guide(scene) if parameters.guiding else None,
     )
     dr.make_opaque(history)
     return history
@@ -181,7 +194,11 @@ def sample_paths(
         Candidate trees per pixel.
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
-    candidates = initial(scope, now.hit, spp, parameters.mutates)
+    guide = history.guide
+    steering: Steering = ByBsdf()
+    if guide is not None:
+        steering = ByGuide(guide, ALPHA, suffixes=not parameters.retrace_history)
+    candidates = initial(scope, now.hit, spp, steering, parameters.mutates)
     reservoirs, refused = candidates.reservoirs, candidates.refused
     beside = Beside(
         now.emitted + refused.color,
@@ -194,7 +211,7 @@ def sample_paths(
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
         colors = _colors_at(history, nowhere)
-        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, beside)
+        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, beside, guide)
 
     motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
@@ -207,7 +224,7 @@ def sample_paths(
     reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
     colors = _colors_at(history, motion)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside)
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside, guide)
     dr.eval(sampled)
     return sampled
 
@@ -258,7 +275,12 @@ def share_paths(
     extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
     beside = replace(sampled.beside, refused=dr.sum(sampled.beside.refused))
     dr.eval(color, extra, beside)
-    history = History(reservoirs, now.hit, colors)
+    guide = sampled.guide
+    if guide is not None:
+        memory = FADING if parameters.retrace_history else 1.0
+        guide = learn(guide, sampled.reservoirs, now.hit, memory)
+        dr.eval(guide)
+    history = History(reservoirs, now.hit, colors, guide)
     return Frame(color, extra, outcomes, sampled.matched, mutated, beside, history)
 
 

@@ -70,6 +70,11 @@ class Parameters:
         """Trace the history's paths again in the current scene before they are reused. Needed where
         the scene changes between frames and :py:meth:`reset` is not called.""",
     )
+    guiding: bool = declared(
+        False,
+        """Draw some of the candidates' directions from what earlier frames found. The image's
+        expectation stays the same.""",
+    )
     mutations: int = declared(
         0,
         """Metropolis-Hastings mutations per pixel and frame, between temporal and spatial reuse

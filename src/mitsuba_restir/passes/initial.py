@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from ..guiding.steering import Steering, empty_ledger
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Continuation
 from ..paths.scattering import (
@@ -22,7 +23,6 @@ from ..paths.scattering import (
     light_numbers,
     nee_weight,
     sample_light,
-    scatter,
 )
 from ..paths.spectrum import response, target
 from ..paths.vertex import compact, exists
@@ -60,7 +60,9 @@ class Candidates:
     cut: mi.Bool
 
 
-def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> Candidates:
+def initial(
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, steering: Steering, continued: bool
+) -> Candidates:
     """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
 
     Parameters
@@ -69,11 +71,13 @@ def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> C
         Primary hits, one lane per pixel.
     spp : UInt32
         Number of trees (opaque).
+    steering : Steering
+        Where the directions of bounces come from.
     continued : bool
         Whether records carry the continuation that mutations need.
     """
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
-    streaming, refused, covered, cut = _trees(scope, hit, spp, continued)
+    streaming, refused, covered, cut = _trees(scope, hit, spp, steering, continued)
     reservoir = finalize(streaming, mi.Float(spp), confidence)
     lost = ~is_sound(reservoir.weight, streaming.total)
     shown = streaming.color * (streaming.total / target(streaming.color))
@@ -85,15 +89,17 @@ def initial(scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool) -> C
 
 @dr.syntax
 def _trees(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, continued: bool
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, steering: Steering, continued: bool
 ) -> tuple[Streaming, Refused, mi.Float, mi.Bool]:
     streaming, refused = empty_streaming(continued), none_refused()
     covered, cut = mi.Float(0), mi.Bool(False)
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
-    while dr.hint(tree < spp, exclude=[scope], label="Path trees"):
+    while dr.hint(tree < spp, exclude=[scope, steering], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
-        streaming, refused, scattered, length = _tree(scope, hit, name, streaming, refused)
+        streaming, refused, scattered, length = _tree(
+            scope, hit, name, steering, streaming, refused
+        )
         covered += dr.select(scattered, mi.Float(1), 0)
         cut |= length == scope.limits.max_depth
         tree += 1
@@ -102,7 +108,12 @@ def _trees(
 
 @dr.syntax
 def _tree(
-    scope: Scope, hit: PrimaryHit, name: PathName, streaming: Streaming, refused: Refused
+    scope: Scope,
+    hit: PrimaryHit,
+    name: PathName,
+    steering: Steering,
+    streaming: Streaming,
+    refused: Refused,
 ) -> tuple[Streaming, Refused, mi.Bool, mi.UInt32]:
     """Trace one path tree and stream its sub-paths through the reservoir.
 
@@ -125,13 +136,15 @@ def _tree(
     survival = mi.Float(1)  # probability of having survived roulette
     eta = mi.Float(1)  # index of refraction relative to the camera
     anchor = no_anchor(isinstance(streaming.path.next, Continuation))
+    ledger = empty_ledger()  # what the choice of directions divides a candidate's weight by
 
-    while dr.hint(active, exclude=[scope, limits, mapping], label="Initial candidates"):
+    while dr.hint(active, exclude=[scope, limits, mapping, steering], label="Initial candidates"):
         si = pi.compute_surface_interaction(ray)
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active & si.is_valid())
         arrival = mapping.link(start, ray, si, limit, j, hit.footprint)
         place = Place(name, anchor, arrival, compact(pi, si.p), j)
+        anchored = anchor.k != 0
 
         # -------------------------- light found by the last bounce ------------------------------
 
@@ -141,8 +154,9 @@ def _tree(
         light_pdf = dr.select(start.delta, 0, light_pdf)
         path = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
         color = response(throughput * radiance * balance(start.pdf, light_pdf), lambdas)
-        weight = target(color) / survival
-        refused = refuse(refused, color / survival, arrived & ~fits(streaming, weight))
+        odds = ledger.inverse(anchored | arrival.reaches) / survival
+        weight = target(color) * odds
+        refused = refuse(refused, color * odds, arrived & ~fits(streaming, weight))
         streaming = offer(streaming, path, color, weight, uniform(choices, j, 0), arrived)
 
         # -------------------------- light sampled from this vertex ------------------------------
@@ -157,16 +171,21 @@ def _tree(
         mis = nee_weight(light_pdf, pdf)
         path = record_nee(place, light, numbers, pdf, value * mis, light_pdf)
         color = response(throughput * value * light.weight * mis, lambdas)
-        weight = target(color) / survival
-        refused = refuse(refused, color / survival, light.valid & ~fits(streaming, weight))
+        odds = ledger.inverse(anchored | (pdf <= arrival.limit)) / survival
+        weight = target(color) * odds
+        refused = refuse(refused, color * odds, light.valid & ~fits(streaming, weight))
         streaming = offer(streaming, path, color, weight, uniform(choices, j, 1), light.valid)
 
         # -------------------------- next bounce -------------------------------------------------
 
         # The lobe of the last vertex counts as well, as long as it is not known to cover anything.
-        bounce = scatter(si, bsdf, stream, j, active | (on_surface & ~scattered))
+        leaves = active | (on_surface & ~scattered)
+        bounce, factors = steering.bounce(si, stream, choices, j, leaves, anchored)
         scattered |= on_surface & ~bounce.null
         anchor = onward(place, bounce)
+        ledger = ledger.after(anchor.k != 0, factors)
+        # A guided bounce that a replay would have to repeat leads to no candidate.
+        active &= ledger.settled > 0
         throughput *= bounce.weight
         eta *= bounce.eta
         start = depart_scattered(si, bounce, limit)

@@ -1,0 +1,125 @@
+"""The guide: a distribution of directions for every cell of space, to look up, sample and evaluate.
+
+Cells are cubes of a world grid, told apart by the main direction of the surface as well, and hashed
+into a table of fixed size without a checksum: cells that collide share a distribution, which costs
+variance and no bias. A cell's distribution is piecewise constant over equal areas of the sphere
+(bins of cos theta and phi), mixed with a uniform share. Its bins are the leaves of a binary heap of
+sums, so that a draw takes one look-up a level, and a new sample adds to one node a level.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from ..sampling.streams import Stream, uniform2
+
+CELLS = 1 << 13
+"""Entries of the table."""
+
+GRID = 40
+"""Cells along the longest side of the scene."""
+
+Z_BITS, PHI_BITS = 4, 4
+LEVELS = Z_BITS + PHI_BITS
+NODES = 2 << LEVELS
+"""Nodes of a heap: the root is node 1, the children of n are 2n and 2n + 1."""
+
+UNIFORM = 0.1
+"""Share of a cell's distribution that is spread evenly over the sphere."""
+
+
+@dataclass
+class Guide:
+    """What is known of where light comes from.
+
+    Fields: ``sums`` (the heaps, cell after cell), ``corner`` (of the grid, world), ``scale`` (cells
+    per unit of length), ``mean`` (mean luminance of what it learnt from, of the last frame).
+    """
+
+    sums: mi.Float
+    corner: mi.Point3f
+    scale: mi.Float
+    mean: mi.Float
+
+
+def no_guide(scene: mi.Scene) -> Guide:
+    """A guide that has seen nothing, for the extent of a scene."""
+    box = scene.bbox()
+    extent = max(*(float(side) for side in box.extents()), 1e-20)
+    guide = Guide(
+        dr.zeros(mi.Float, CELLS * NODES),
+        mi.Point3f(box.min),
+        mi.Float(GRID / extent),
+        mi.Float(0),
+    )
+    dr.make_opaque(guide)
+    return guide
+
+
+def cell_at(guide: Guide, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
+    """Where the heap of a cell begins in the table.
+
+    Parameters
+    ----------
+    p, n : Point3f, Normal3f
+        A surface point and its normal.
+    """
+    place = (p - guide.corner) * guide.scale
+    key = mi.Vector3u(mi.Vector3i(dr.floor(place)))
+    size = dr.abs(n)
+    largest = dr.max(size)
+    axis = dr.select(size.x == largest, mi.UInt32(0), dr.select(size.y == largest, 2, 4))
+    along = dr.select(size.x == largest, n.x, dr.select(size.y == largest, n.y, n.z))
+    facing = axis + dr.select(along < 0, mi.UInt32(1), 0)
+    a, _ = mi.sample_tea_32(key.x ^ (key.y << 11), key.z ^ (facing << 28))
+    return (a & (CELLS - 1)) * NODES
+
+
+def known(guide: Guide, cell: mi.UInt32, active: mi.Bool) -> mi.Bool:
+    """Whether a cell has seen any light."""
+    return dr.gather(mi.Float, guide.sums, cell + 1, active) > 0
+
+
+def leaf_of(direction: mi.Vector3f) -> mi.UInt32:
+    """The leaf of a heap that a world-space direction falls into."""
+    z = dr.clip(0.5 * direction.z + 0.5, 0, 1 - 2.0**-24)
+    phi = dr.atan2(direction.y, direction.x) * dr.inv_two_pi
+    phi = dr.minimum(phi - dr.floor(phi), 1 - 2.0**-24)
+    row, column = mi.UInt32(z * (1 << Z_BITS)), mi.UInt32(phi * (1 << PHI_BITS))
+    return (1 << LEVELS) | (row << PHI_BITS) | column
+
+
+def pdf(guide: Guide, cell: mi.UInt32, direction: mi.Vector3f, active: mi.Bool) -> mi.Float:
+    """Density [1/sr] of a direction in a known cell."""
+    leaf = dr.gather(mi.Float, guide.sums, cell + leaf_of(direction), active)
+    total = dr.gather(mi.Float, guide.sums, cell + 1, active)
+    share = dr.select(total > 0, leaf / total, 0)
+    return ((1 - UNIFORM) * (1 << LEVELS) * share + UNIFORM) * dr.inv_four_pi
+
+
+def sample(
+    guide: Guide, cell: mi.UInt32, random: Stream, vertex: mi.UInt32, active: mi.Bool
+) -> mi.Vector3f:
+    """A direction of a known cell, by the blocks 0 and 1 of a vertex of a stream."""
+    descent, spread = uniform2(random, vertex, 0)
+    a, b = uniform2(random, vertex, 1)
+    node = mi.UInt32(1)
+    total = dr.gather(mi.Float, guide.sums, cell + 1, active)
+    rest = descent * total
+    for _ in range(LEVELS):
+        left = dr.gather(mi.Float, guide.sums, cell + 2 * node, active)
+        right = rest >= left
+        rest = dr.select(right, rest - left, rest)
+        node = 2 * node + dr.select(right, mi.UInt32(1), 0)
+    row = (node >> PHI_BITS) & ((1 << Z_BITS) - 1)
+    column = node & ((1 << PHI_BITS) - 1)
+    evenly = spread < UNIFORM
+    z = dr.select(evenly, a, (mi.Float(row) + a) * 2.0**-Z_BITS)
+    phi = dr.select(evenly, b, (mi.Float(column) + b) * 2.0**-PHI_BITS)
+    z = 2 * z - 1
+    radius = dr.sqrt(dr.maximum(1 - dr.square(z), 0))
+    sin, cos = dr.sincos(dr.two_pi * phi)
+    return mi.Vector3f(radius * cos, radius * sin, z)

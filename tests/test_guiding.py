@@ -1,0 +1,173 @@
+"""Guided candidates keep every pixel's expectation, whatever the guide says.
+
+The guides here are adversaries: random, zero over half of the sphere, and the same for all frames,
+so that nothing averages out. Each factor of a candidate's weight is left out once, and is missed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from scipy import stats
+from support import references
+from support.modes import MODES, Mode
+from support.mutants import Mutation, apply
+from support.runs import bias_report, independent_runs, integrator
+from test_unbiased import ROOM, ZOO, check
+
+from mitsuba_restir.guiding import guide as guides
+from mitsuba_restir.guiding.guide import CELLS, LEVELS, NODES, Guide, no_guide
+from mitsuba_restir.integrators import frame as frame_module
+from mitsuba_restir.sampling.streams import FrameKey, Purpose
+
+
+def heaps(leaves: np.ndarray) -> mi.Float:
+    """Sums of the heaps with these leaves (cells, 2^LEVELS)."""
+    nodes = np.zeros((len(leaves), NODES), np.float32)
+    nodes[:, NODES // 2 :] = leaves
+    for level in range(LEVELS - 1, -1, -1):
+        first = 1 << level
+        pairs = nodes[:, 2 * first : 4 * first].reshape(len(leaves), first, 2)
+        nodes[:, first : 2 * first] = pairs.sum(axis=-1)
+    return mi.Float(nodes.ravel())
+
+
+def adversary(scene: mi.Scene) -> Guide:
+    """Random lobes over a half of the sphere, another one in every cell; a quarter is empty."""
+    rng = np.random.default_rng(5)
+    leaves = rng.exponential(size=(CELLS, 1 << LEVELS)) ** 3
+    halves = leaves.reshape(CELLS, 2, -1)
+    halves[np.arange(CELLS), rng.integers(2, size=CELLS)] = 0
+    leaves[rng.random(CELLS) < 0.25] = 0
+    return replace(no_guide(scene), sums=heaps(leaves))
+
+
+@pytest.fixture
+def frozen(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    monkeypatch.setattr(frame_module, "no_guide", adversary)
+    monkeypatch.setattr(frame_module, "learn", lambda guide, *_: guide)
+    return monkeypatch
+
+
+# --------------------------------- the guide alone ----------------------------------------------
+
+
+def test_samples_follow_the_density(rgb):
+    """Directions of a random cell, by leaves: chi-square at 1e-4; the density integrates to one."""
+    rng = np.random.default_rng(1)
+    leaves = np.zeros((CELLS, 1 << LEVELS))
+    leaves[3] = rng.exponential(size=1 << LEVELS) ** 2
+    leaves[3, rng.random(1 << LEVELS) < 0.5] = 0
+    guide = Guide(heaps(leaves), mi.Point3f(0), mi.Float(1), mi.Float(0))
+    n = 1 << 20
+    lane, all_lanes = dr.arange(mi.UInt32, n), dr.full(mi.Bool, True, n)
+    cell = mi.UInt32(3 * NODES) + 0 * lane
+    random = FrameKey(mi.UInt32(1), mi.UInt32(2)).stream(Purpose.INITIAL, lane)
+    direction = guides.sample(guide, cell, random, mi.UInt32(1), all_lanes)
+    np.testing.assert_allclose(np.array(dr.norm(direction)), 1, atol=1e-5)
+    found = np.bincount(np.array(guides.leaf_of(direction)) - (1 << LEVELS), minlength=1 << LEVELS)
+    density = np.array(guides.pdf(guide, cell, direction, all_lanes))
+    share = leaves[3] / leaves[3].sum()
+    wanted = (1 - guides.UNIFORM) * share + guides.UNIFORM / (1 << LEVELS)
+    assert stats.chisquare(found, wanted * n).pvalue > 1e-4
+    number = np.array(guides.leaf_of(direction)) - (1 << LEVELS)
+    np.testing.assert_allclose(density, (wanted * (1 << LEVELS) / (4 * np.pi))[number], rtol=1e-4)
+
+
+def test_what_is_learnt_adds_up(rgb):
+    """Every heap's nodes are the sums of their children, and the guide knows what was found."""
+    scene = references.CASES["room"].load()
+    renderer = integrator(5, MODES["both"], guiding=True)
+    for i in range(8):
+        renderer.render(scene, seed=i, spp=1)
+    nodes = np.array(renderer._history.guide.sums).reshape(CELLS, NODES)
+    known = nodes[nodes[:, 1] > 0]
+    assert 20 < len(known) < CELLS
+    inner = np.arange(1, NODES // 2)
+    np.testing.assert_allclose(
+        known[:, inner], known[:, 2 * inner] + known[:, 2 * inner + 1], rtol=1e-4, atol=1e-6
+    )
+
+
+def test_reset_forgets_the_guide(rgb):
+    scene = references.CASES["room"].load()
+    renderer = integrator(5, MODES["both"], guiding=True)
+    runs = []
+    for _ in range(2):
+        renderer.reset()
+        runs.append([np.array(renderer.render(scene, seed=i, spp=1)) for i in range(3)])
+    np.testing.assert_array_equal(runs[0], runs[1])
+
+
+# --------------------------------- expectations -------------------------------------------------
+
+CASES = {
+    "room": ("candidates_4", *ROOM),
+    "grooves": ("candidates_4", 256, 0.06),
+    "far_room": ("candidates_4", 256, 0.08),
+    "bsdfs": ("candidates_4", ZOO["bsdfs"][0], 0.04),
+    "emitters": ("candidates_4", ZOO["emitters"][0], 0.1),
+    "glossy_shapes": ("candidates_4", ZOO["glossy_shapes"][0], 0.05),
+}
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.7])
+@pytest.mark.parametrize("name", CASES)
+def test_an_adversary_is_unbiased(rgb, frozen, name, alpha):
+    frozen.setattr(frame_module, "ALPHA", alpha)
+    mode, runs, power = CASES[name]
+    check(name, mode, runs, power, label=f"{name}-adversary-{alpha}", guiding=True)
+
+
+@pytest.mark.parametrize("mode", ["spatial_1", "temporal", "both", "both_reconnection"])
+def test_an_adversary_in_every_reuse(rgb, frozen, mode):
+    check("room", mode, 256, 0.05, label=f"room-adversary-{mode}", guiding=True)
+
+
+TOGETHER = {
+    "mutations": {"mutations": 2},
+    "dithered and ranked": {"blue_noise_seeds": True, "neighbor_sampling": "blue_noise"},
+    "retraced": {"retrace_history": True},
+}
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_together_with(rgb, name):
+    mode = replace(MODES["both"], frames=6)
+    check("room", mode, 256, 0.03, label=f"room-guided-{name}", guiding=True, **TOGETHER[name])
+
+
+def test_learnt_in_independent_frames(rgb):
+    """Without history the guide still learns; all frames count."""
+    check(
+        "room", Mode({"temporal": False, "spatial_radius": 6.0}, frames=4), 256, 0.04, guiding=True
+    )
+
+
+CONTROLS = {
+    "factor of a stored direction": Mutation("alpha + (1 - alpha) * ratio", "1 + 0 * ratio"),
+    "factor of a replayed bounce": Mutation(
+        "replayed = dr.select(leaves, 0, alpha)", "replayed = dr.select(leaves, 0, mi.Float(1))"
+    ),
+    "refusal of a guided prefix": Mutation(
+        "replayed = dr.select(leaves, 0, alpha)", "replayed = dr.select(leaves, alpha, alpha)"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLS)
+def test_control(rgb, frozen, name):
+    apply(frozen, (CONTROLS[name],))
+    case = references.CASES["grooves"]
+    renderer = integrator(case.max_depth, MODES["candidates_4"], guiding=True)
+    runs = independent_runs(renderer, case.load(), MODES["candidates_4"])
+    report = bias_report(runs, 256, *references.load("grooves"))
+    assert not report.passed, f"{name} is left out, and nothing is seen\n{report}"
+
+
+def test_spectral(spectral):
+    check("room_spectral", "both", 64, 0.06, guiding=True)
