@@ -24,7 +24,7 @@ ALPHA = 0.01
 A seed fails only where a second test, with other random numbers and four times as many, finds it as
 well; the rate holds for the first test alone, as far as means of 32 batches are Gaussian."""
 
-RUNS, BATCHES, BLOCK = 128, 32, 8
+BATCHES, BLOCK = 32, 8
 REFERENCE_SPP, REFERENCE_BATCHES = 8192, 32
 AGAIN = 4
 """How many times the samples of the first test the second one takes."""
@@ -155,7 +155,7 @@ def _bias(
     mode = Mode(chosen.parameters, chosen.spp, chosen.frames)
     moves = _camera_at_rest(scene, chosen)
     runs = independent_runs(renderer, scene, mode, moves, first_seed=first)
-    count = more * RUNS
+    count = more * chosen.runs
     return unbiasedness_test(
         batch_means(itertools.islice(runs, count), count // BATCHES),
         pictures.mean(axis=0),
