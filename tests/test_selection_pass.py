@@ -373,7 +373,7 @@ def test_bias_is_bounded(wall, name):
 
 
 CONTROLS = {
-    "mirror images": ("heavy tails", Mutation(", (mean - step, valid & (pairs > 1))", "")),
+    "mirror images": ("heavy tails", Mutation(", (mirrored, valid & (pairs > 1))", "")),
     "bound of errors": ("heavy tails", Mutation("LIMIT * local_mean(", "1e9 * local_mean(")),
     "history of plain averages": ("heavy tails", None),
     "brightness of the frame": (
