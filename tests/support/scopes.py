@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
@@ -17,6 +18,30 @@ from mitsuba_restir.sampling.streams import FrameKey
 from mitsuba_restir.shifts.scope import Scope
 
 
+def scope_maker(renderer: Any) -> Callable[..., Scope]:
+    """Makes the scopes of frames as ``renderer``, which has rendered a scene, would make them.
+
+    For recorded functions: Dr.Jit goes through all that such a function refers to and keeps it, and
+    this refers to the plan of the frames, not to the renderer with its history and scene.
+    """
+    plan, dither = renderer._plan, renderer._dither
+
+    def make(
+        scene: mi.Scene, sensor: mi.Sensor | None = None, number: Any = 0, seed: Any = 0
+    ) -> Scope:
+        return Scope(
+            scene,
+            sensor if mi.is_spectral else None,
+            plan.mapping,
+            plan.limits,
+            grid_of(plan.width, plan.height),
+            FrameKey(mi.UInt32(number), mi.UInt32(seed)),
+            dither,
+        )
+
+    return make
+
+
 def scope_of(
     renderer: Any,
     scene: mi.Scene,
@@ -24,20 +49,11 @@ def scope_of(
     number: Any = 0,
     seed: Any = 0,
 ) -> Scope:
-    """The scope of a frame as ``renderer``, which has rendered ``scene``, would make it.
+    """The scope of a frame.
 
     ``sensor`` samples wavelengths, where there are any; ``number`` and ``seed`` name the frame.
     """
-    plan = renderer._plan
-    return Scope(
-        scene,
-        sensor if mi.is_spectral else None,
-        plan.mapping,
-        plan.limits,
-        grid_of(plan.width, plan.height),
-        FrameKey(mi.UInt32(number), mi.UInt32(seed)),
-        renderer._dither,
-    )
+    return scope_maker(renderer)(scene, sensor, number, seed)
 
 
 def mutation_plan(steps: int, step: float, interval: int = 1, energy_weight: float = 0) -> Any:

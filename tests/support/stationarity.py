@@ -29,7 +29,7 @@ from .bias import BiasReport
 from .modes import Mode
 from .references import Case
 from .runs import bias_report, integrator
-from .scopes import mutate, mutation_plan, scope_of
+from .scopes import mutate, mutation_plan, scope_maker
 from .transport import neighbour
 
 FRESH = Mode({"temporal": False, "spatial": False})
@@ -63,6 +63,8 @@ def differences(
 
 
 def _difference(renderer: Any, mutations: int, step: float) -> Any:
+    scope_of = scope_maker(renderer)
+
     def difference(
         scene: mi.Scene,
         reservoirs: Reservoir,
@@ -71,7 +73,7 @@ def _difference(renderer: Any, mutations: int, step: float) -> Any:
         inside: Any,
         number: Any,
     ) -> Any:
-        scope = scope_of(renderer, scene, number=number, seed=number)
+        scope = scope_of(scene, number=number, seed=number)
         mutated, _ = mutate(scope, reservoirs, hits, mutation_plan(mutations, step))
         dr.eval(mutated)
         near = dr.gather(PrimaryHit, hits, other, inside)

@@ -31,7 +31,7 @@ from .bias import BiasReport
 from .modes import Mode
 from .references import Case
 from .runs import bias_report, integrator
-from .scopes import scope_of
+from .scopes import scope_maker
 
 
 def candidates(
@@ -60,9 +60,11 @@ def neighbour(scene: mi.Scene, offset: tuple[int, int]) -> tuple[Any, Any]:
 def recorded_shift(renderer: Any) -> Any:
     """The shift as a function of (scene, path, hits, active), recorded once."""
 
+    scope_of = scope_maker(renderer)
+
     @dr.freeze
     def shift(scene: mi.Scene, path: Any, hits: PrimaryHit, active: Any) -> hybrid.Shifted:
-        return hybrid.shift(scope_of(renderer, scene), path, hits, active)
+        return hybrid.shift(scope_of(scene), path, hits, active)
 
     return shift
 
@@ -82,6 +84,8 @@ def transport_errors(
 
 
 def _errors(renderer: Any) -> Any:
+    scope_of = scope_maker(renderer)
+
     def errors(
         scene: mi.Scene,
         sensor: mi.Sensor,
@@ -90,7 +94,7 @@ def _errors(renderer: Any) -> Any:
         other: Any,
         inside: Any,
     ) -> Any:
-        scope = scope_of(renderer, scene, sensor)
+        scope = scope_of(scene, sensor)
         near = dr.gather(PrimaryHit, hits, other, inside)
         theirs = dr.gather(Reservoir, reservoirs, other, inside)
         valid = inside & exists(hits.vertex) & exists(near.vertex)
