@@ -2,8 +2,14 @@
 
 import mitsuba_restir  # noqa: F401  isort: skip
 
+import signal
+
 import mitsuba as mi
 import pytest
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell in the background ignores Ctrl-C for its children; the tests of it do not.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _variant(name: str) -> str:

@@ -373,7 +373,7 @@ THREADS = """
 @pytest.mark.slow
 @pytest.mark.parametrize("repeat", range(3))
 @pytest.mark.parametrize(
-    "what", ["two integrators", "one integrator", "one scene", "calculate", "path", "load"]
+    "what", ["two integrators", "one integrator", "one scene", "calculate", "path"]
 )
 def test_threads(rgb, what, repeat):
     """Two threads that render, or one beside another that uses Dr.Jit: no hang, no wrong image."""
