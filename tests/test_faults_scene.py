@@ -339,23 +339,13 @@ THREADS = """
         for i in range(300):
             assert dr.sum(mi.Float(np.ones(100, np.float32)) * (i + 1))[0] > 0
 
-    def path(index):
-        for seed in range(30):
-            np.array(mi.render(scenes[1], integrator=mi.load_dict({"type": "path"}), seed=seed))
-
-    def load(index):
-        import gc
-        for _ in range(10):
-            mi.load_dict(description)
-            gc.collect()
-
     def caught(function, index):
         try:
             function(index)
         except BaseException as error:
             errors.append(repr(error))
 
-    other = {"calculate": calculate, "path": path, "load": load}.get(what, render)
+    other = calculate if what == "calculate" else render
     threads = [threading.Thread(target=caught, args=job) for job in ((render, 0), (other, 1))]
     for thread in threads:
         thread.start()
@@ -372,9 +362,7 @@ THREADS = """
 
 @pytest.mark.slow
 @pytest.mark.parametrize("repeat", range(3))
-@pytest.mark.parametrize(
-    "what", ["two integrators", "one integrator", "one scene", "calculate", "path"]
-)
+@pytest.mark.parametrize("what", ["two integrators", "one integrator", "one scene", "calculate"])
 def test_threads(rgb, what, repeat):
-    """Two threads that render, or one beside another that uses Dr.Jit: no hang, no wrong image."""
+    """Two threads that render, or one beside another that calculates: no hang, no wrong image."""
     child(THREADS, what, timeout=120)
