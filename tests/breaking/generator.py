@@ -28,6 +28,9 @@ OPAQUE = (
 WITHOUT_CAUSTICS = ("diffuse", "textured", "roughconductor", "roughplastic", "principled")
 """BSDFs under a sun: a smooth one would make caustics of it, which no path tracer finds."""
 
+BLACK = {"type": "constant", "radiance": 0.0}
+"""A sky of no light."""
+
 NOT_RECORDED = "ellipsoidsmesh"
 """Frames with this shape are traced every time, and take ten times as long."""
 
@@ -114,6 +117,8 @@ def _scene(rng: np.random.Generator) -> tuple[Scene, dict[str, list[str]]]:
             material, shape["bsdf"] = _material(rng, sky_name)
             surfaces.append(material)
         scene[f"object_{i}"] = shape
+    if sky is None and any(_lets_through(shape) for shape in scene.values()):
+        sky_name, scene["sky"] = "black", BLACK
     lights = {**zoo.emitters(), "directional": edits.skies()["directional"]}
     del lights["none"]
     dark = sky_name in ("none", "black")
@@ -184,9 +189,18 @@ def _sky(rng: np.random.Generator) -> tuple[str, Scene | None]:
     skies = {name: edits.skies()[name] for name in ("constant", "envmap", "sunsky")}
     if mi.variant().endswith("mono"):
         del skies["sunsky"]  # of RGB and spectral variants
-    skies["black"] = {"type": "constant", "radiance": 0.0}
+    skies["black"] = BLACK
     name = str(rng.choice([*skies, "none"]))
     return name, skies.get(name)
+
+
+def _lets_through(plugin: Any) -> bool:
+    """Whether ``path`` needs a sky to be right about it (the first limitation in README.md)."""
+    if not isinstance(plugin, dict):
+        return False
+    if "bsdf" not in plugin:
+        return any(_lets_through(part) for part in plugin.values())
+    return mi.has_flag(mi.load_dict(plugin["bsdf"]).flags(), mi.BSDFFlags.Null)
 
 
 def _material(rng: np.random.Generator, sky: str) -> tuple[str, Scene]:
