@@ -43,6 +43,7 @@ def test_an_edited_scene_is_like_a_new_one(rgb, name):
 
 
 @pytest.mark.long
+@pytest.mark.filterwarnings("ignore:.* cannot be re-projected")
 def test_every_parameter_of_every_plugin(rgb):
     tried, stale = 0, {}
     for name, description in edits.things().items():
