@@ -1,7 +1,8 @@
 """Guided candidates keep every pixel's expectation, whatever the guide says.
 
-The guides here are adversaries: random, zero over half of the sphere, and the same for all frames,
-so that nothing averages out. Each factor of a candidate's weight is left out once, and is missed.
+The guides here are adversaries: random, zero over half of the sphere, with random shares, and the
+same for all frames, so that nothing averages out. Each factor of a candidate's weight is left out
+once, and is missed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from support.runs import bias_report, independent_runs, integrator
 from test_unbiased import ROOM, ZOO, check
 
 from mitsuba_restir.guiding import guide as guides
+from mitsuba_restir.guiding import share
 from mitsuba_restir.guiding.guide import CELLS, LEVELS, NODES, Guide, no_guide
 from mitsuba_restir.integrators import frame as frame_module
 from mitsuba_restir.sampling.streams import FrameKey, Purpose
@@ -42,8 +44,10 @@ def adversary(scene: mi.Scene) -> Guide:
     leaves = rng.exponential(size=(CELLS, 1 << LEVELS)) ** 3
     halves = leaves.reshape(CELLS, 2, -1)
     halves[np.arange(CELLS), rng.integers(2, size=CELLS)] = 0
-    leaves[rng.random(CELLS) < 0.25] = 0
-    return replace(no_guide(scene), sums=heaps(leaves))
+    unknown = rng.random(CELLS) < 0.25
+    leaves[unknown] = 0
+    alpha = np.where(unknown, 1, rng.uniform(0.2, 0.9, CELLS))
+    return replace(no_guide(scene), sums=heaps(leaves), alpha=mi.Float(alpha))
 
 
 @pytest.fixture
@@ -62,10 +66,10 @@ def test_samples_follow_the_density(rgb):
     leaves = np.zeros((CELLS, 1 << LEVELS))
     leaves[3] = rng.exponential(size=1 << LEVELS) ** 2
     leaves[3, rng.random(1 << LEVELS) < 0.5] = 0
-    guide = Guide(heaps(leaves), mi.Point3f(0), mi.Float(1), mi.Float(0))
+    guide = Guide(heaps(leaves), mi.Float(1), mi.Point3f(0), mi.Float(1), mi.Float(0), mi.Float(0))
     n = 1 << 20
     lane, all_lanes = dr.arange(mi.UInt32, n), dr.full(mi.Bool, True, n)
-    cell = mi.UInt32(3 * NODES) + 0 * lane
+    cell = mi.UInt32(3) + 0 * lane
     random = FrameKey(mi.UInt32(1), mi.UInt32(2)).stream(Purpose.INITIAL, lane)
     direction = guides.sample(guide, cell, random, mi.UInt32(1), all_lanes)
     np.testing.assert_allclose(np.array(dr.norm(direction)), 1, atol=1e-5)
@@ -93,6 +97,30 @@ def test_what_is_learnt_adds_up(rgb):
     )
 
 
+@pytest.mark.parametrize("light", [0.02, 0.3, 0.9])
+def test_the_share_is_the_cheapest(rgb, light):
+    """Directions of two classes, of which BSDF and guide draw the second with 0.1 and 0.9."""
+    rng = np.random.default_rng(2)
+    f, p, g = np.array([1 - light, light]), np.array([0.9, 0.1]), np.array([0.1, 0.9])
+    drawn_with = 0.7 * p + 0.3 * g
+    drawn = rng.choice(2, 20_000, p=drawn_with)
+    cost = mi.Float(((f / drawn_with) ** 2 * drawn_with / p)[drawn])
+    costs, cell = dr.zeros(mi.Float, CELLS * guides.COSTS), dr.full(mi.UInt32, 7, len(drawn))
+    share.paid(costs, cell, cost, mi.Float((g / p)[drawn]), mi.Bool(True))
+    sums = np.zeros((CELLS, NODES), np.float32)
+    sums[7, 1] = 1
+    alpha = np.array(share.cheapest(costs, mi.Float(sums.ravel())))
+    moments = [np.sum(f**2 / (a * p + (1 - a) * g)) for a in share.SHARES]
+    assert alpha[7] == np.float32(share.SHARES[np.argmin(moments)])
+    assert (np.delete(alpha, 7) == 1).all()
+
+
+def test_a_cell_that_has_seen_little_trusts_the_bsdf(rgb):
+    costs = dr.zeros(mi.Float, CELLS * guides.COSTS)
+    share.paid(costs, mi.UInt32(7), mi.Float(1), mi.Float(2), mi.Bool(True))
+    assert (np.array(share.cheapest(costs, dr.full(mi.Float, 1, CELLS * NODES))) == 1).all()
+
+
 def test_reset_forgets_the_guide(rgb):
     scene = references.CASES["room"].load()
     renderer = integrator(5, MODES["both"], guiding=True)
@@ -115,12 +143,12 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("alpha", [0.3, 0.7])
+@pytest.mark.parametrize("deep", [guides.DEEP, 1000], ids=["", "deep"])
 @pytest.mark.parametrize("name", CASES)
-def test_an_adversary_is_unbiased(rgb, frozen, name, alpha):
-    frozen.setattr(frame_module, "ALPHA", alpha)
+def test_an_adversary_is_unbiased(rgb, frozen, name, deep):
+    frozen.setattr(guides, "DEEP", deep)
     mode, runs, power = CASES[name]
-    check(name, mode, runs, power, label=f"{name}-adversary-{alpha}", guiding=True)
+    check(name, mode, runs, power, label=f"{name}-adversary-{deep}", guiding=True)
 
 
 @pytest.mark.parametrize("mode", ["spatial_1", "temporal", "both", "both_reconnection"])
@@ -149,7 +177,10 @@ def test_learnt_in_independent_frames(rgb):
 
 
 CONTROLS = {
-    "factor of a stored direction": Mutation("alpha + (1 - alpha) * ratio", "1 + 0 * ratio"),
+    "factor of a stored direction": Mutation(
+        "stored = dr.select(chosen.delta, alpha, alpha + (1 - alpha) * ratio)",
+        "stored = 1 + 0 * alpha",
+    ),
     "factor of a replayed bounce": Mutation(
         "replayed = dr.select(leaves, 0, alpha)", "replayed = dr.select(leaves, 0, mi.Float(1))"
     ),

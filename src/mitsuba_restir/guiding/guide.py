@@ -4,7 +4,8 @@ Cells are cubes of a world grid, told apart by the main direction of the surface
 into a table of fixed size without a checksum: cells that collide share a distribution, which costs
 variance and no bias. A cell's distribution is piecewise constant over equal areas of the sphere
 (bins of cos theta and phi), mixed with a uniform share. Its bins are the leaves of a binary heap of
-sums, so that a draw takes one look-up a level, and a new sample adds to one node a level.
+sums, so that a draw takes one look-up a level, and a new sample adds to one node a level. A share
+of a cell's directions still comes from the BSDF.
 """
 
 from __future__ import annotations
@@ -16,16 +17,22 @@ import mitsuba as mi
 
 from ..sampling.streams import Stream, uniform2
 
-CELLS = 1 << 13
+CELLS = 1 << 12
 """Entries of the table."""
 
-GRID = 40
+GRID = 24
 """Cells along the longest side of the scene."""
 
 Z_BITS, PHI_BITS = 4, 4
 LEVELS = Z_BITS + PHI_BITS
 NODES = 2 << LEVELS
 """Nodes of a heap: the root is node 1, the children of n are 2n and 2n + 1."""
+
+DEEP, DEEP_ALPHA = 3, 0.7
+"""From this vertex on at least this share comes from the BSDF: a path's factors multiply."""
+
+COSTS = 6
+"""Numbers of a cell by which its share is chosen."""
 
 UNIFORM = 0.1
 """Share of a cell's distribution that is spread evenly over the sphere."""
@@ -35,13 +42,17 @@ UNIFORM = 0.1
 class Guide:
     """What is known of where light comes from.
 
-    Fields: ``sums`` (the heaps, cell after cell), ``corner`` (of the grid, world), ``scale`` (cells
-    per unit of length), ``mean`` (mean luminance of what it learnt from, of the last frame).
+    Fields: ``sums`` (the heaps, cell after cell), ``alpha`` (of every cell: the share of directions
+    that come from the BSDF; 1 where nothing has been seen), ``corner`` (of the grid, world),
+    ``scale`` (cells per unit of length), ``costs`` and ``mean`` (what only the learning needs: see
+    :mod:`mitsuba_restir.guiding.share`, and the mean luminance that the last frame learnt from).
     """
 
     sums: mi.Float
+    alpha: mi.Float
     corner: mi.Point3f
     scale: mi.Float
+    costs: mi.Float
     mean: mi.Float
 
 
@@ -51,8 +62,10 @@ def no_guide(scene: mi.Scene) -> Guide:
     extent = max(*(float(side) for side in box.extents()), 1e-20)
     guide = Guide(
         dr.zeros(mi.Float, CELLS * NODES),
+        dr.full(mi.Float, 1, CELLS),
         mi.Point3f(box.min),
         mi.Float(GRID / extent),
+        dr.zeros(mi.Float, CELLS * COSTS),
         mi.Float(0),
     )
     dr.make_opaque(guide)
@@ -60,7 +73,7 @@ def no_guide(scene: mi.Scene) -> Guide:
 
 
 def cell_at(guide: Guide, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
-    """Where the heap of a cell begins in the table.
+    """The cell of a surface point.
 
     Parameters
     ----------
@@ -75,12 +88,14 @@ def cell_at(guide: Guide, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
     along = dr.select(size.x == largest, n.x, dr.select(size.y == largest, n.y, n.z))
     facing = axis + dr.select(along < 0, mi.UInt32(1), 0)
     a, _ = mi.sample_tea_32(key.x ^ (key.y << 11), key.z ^ (facing << 28))
-    return (a & (CELLS - 1)) * NODES
+    return a & (CELLS - 1)
 
 
-def known(guide: Guide, cell: mi.UInt32, active: mi.Bool) -> mi.Bool:
-    """Whether a cell has seen any light."""
-    return dr.gather(mi.Float, guide.sums, cell + 1, active) > 0
+def alpha_at(guide: Guide, cell: mi.UInt32, vertex: mi.UInt32 | int, active: mi.Bool) -> mi.Float:
+    """Share of the directions that leave a path's vertex by its BSDF; 1 in inactive lanes."""
+    alpha = dr.gather(mi.Float, guide.alpha, cell, active)
+    alpha = dr.select(vertex < DEEP, alpha, dr.maximum(alpha, DEEP_ALPHA))
+    return dr.select(active, alpha, 1)
 
 
 def leaf_of(direction: mi.Vector3f) -> mi.UInt32:
@@ -94,8 +109,9 @@ def leaf_of(direction: mi.Vector3f) -> mi.UInt32:
 
 def pdf(guide: Guide, cell: mi.UInt32, direction: mi.Vector3f, active: mi.Bool) -> mi.Float:
     """Density [1/sr] of a direction in a known cell."""
-    leaf = dr.gather(mi.Float, guide.sums, cell + leaf_of(direction), active)
-    total = dr.gather(mi.Float, guide.sums, cell + 1, active)
+    heap = cell * NODES
+    leaf = dr.gather(mi.Float, guide.sums, heap + leaf_of(direction), active)
+    total = dr.gather(mi.Float, guide.sums, heap + 1, active)
     share = dr.select(total > 0, leaf / total, 0)
     return ((1 - UNIFORM) * (1 << LEVELS) * share + UNIFORM) * dr.inv_four_pi
 
@@ -106,11 +122,11 @@ def sample(
     """A direction of a known cell, by the blocks 0 and 1 of a vertex of a stream."""
     descent, spread = uniform2(random, vertex, 0)
     a, b = uniform2(random, vertex, 1)
-    node = mi.UInt32(1)
-    total = dr.gather(mi.Float, guide.sums, cell + 1, active)
+    heap, node = cell * NODES, mi.UInt32(1)
+    total = dr.gather(mi.Float, guide.sums, heap + 1, active)
     rest = descent * total
     for _ in range(LEVELS):
-        left = dr.gather(mi.Float, guide.sums, cell + 2 * node, active)
+        left = dr.gather(mi.Float, guide.sums, heap + 2 * node, active)
         right = rest >= left
         rest = dr.select(right, rest - left, rest)
         node = 2 * node + dr.select(right, mi.UInt32(1), 0)

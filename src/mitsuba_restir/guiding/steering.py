@@ -25,7 +25,7 @@ import mitsuba as mi
 
 from ..paths.scattering import Scattered, can_connect, evaluate, scatter
 from ..sampling.streams import Stream, uniform2
-from .guide import Guide, cell_at, known, pdf, sample
+from .guide import Guide, alpha_at, cell_at, pdf, sample
 
 
 @dataclass
@@ -33,12 +33,13 @@ class Ledger:
     """Factors of a growing path's candidates.
 
     Fields: ``settled`` (of all bounces but the last), ``stored`` and ``replayed`` (r and s of the
-    last one).
+    last one), ``anchored`` (whether the reconnection vertex comes before the last vertex).
     """
 
     settled: mi.Float
     stored: mi.Float
     replayed: mi.Float
+    anchored: mi.Bool
 
     def factor(self, stored: mi.Bool) -> mi.Float:
         """Of all bounces; ``stored``: whether the last one's direction is."""
@@ -51,12 +52,20 @@ class Ledger:
 
     def after(self, stored: mi.Bool, bounce: Ledger) -> Ledger:
         """After one more bounce, which is open, while the one before has been settled."""
-        return Ledger(self.factor(stored), bounce.stored, bounce.replayed)
+        return Ledger(self.factor(stored), bounce.stored, bounce.replayed, stored)
 
 
 def empty_ledger() -> Ledger:
     """Of a path without bounces."""
-    return Ledger(mi.Float(1), mi.Float(1), mi.Float(1))
+    return Ledger(mi.Float(1), mi.Float(1), mi.Float(1), mi.Bool(False))
+
+
+def steerable(bsdf: mi.BSDFPtr) -> mi.Bool:
+    """Lanes whose directions may come from a guide.
+
+    Of a surface that can be passed through, the BSDF's sample tells how much it covers.
+    """
+    return can_connect(bsdf) & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
 
 
 class Steering(Protocol):
@@ -69,7 +78,7 @@ class Steering(Protocol):
         choices: Stream,
         vertex: mi.UInt32,
         active: mi.Bool,
-        anchored: mi.Bool,
+        ledger: Ledger,
     ) -> tuple[Scattered, Ledger]:
         """The bounce from a vertex and its own factors.
 
@@ -77,8 +86,8 @@ class Steering(Protocol):
         ----------
         stream, choices : Stream
             The path's, with which the BSDF is sampled, and the pass's.
-        anchored : Bool
-            Lanes whose reconnection vertex comes before this vertex.
+        ledger : Ledger
+            Of the path up to this vertex.
         """
 
 
@@ -93,7 +102,7 @@ class ByBsdf:
         choices: Stream,
         vertex: mi.UInt32,
         active: mi.Bool,
-        anchored: mi.Bool,
+        ledger: Ledger,
     ) -> tuple[Scattered, Ledger]:
         """See :class:`Steering`."""
         return scatter(si, si.bsdf(), stream, vertex, active), empty_ledger()
@@ -101,13 +110,12 @@ class ByBsdf:
 
 @dataclass(frozen=True)
 class ByGuide:
-    """Directions come from the BSDF with probability ``alpha``, else from the ``guide``.
+    """Directions come from the BSDF with the probability that the guide says, else from the guide.
 
     ``suffixes``: whether those after the one that leaves x_k may, too.
     """
 
     guide: Guide
-    alpha: float
     suffixes: bool
 
     def bounce(
@@ -117,22 +125,20 @@ class ByGuide:
         choices: Stream,
         vertex: mi.UInt32,
         active: mi.Bool,
-        anchored: mi.Bool,
+        ledger: Ledger,
     ) -> tuple[Scattered, Ledger]:
         """See :class:`Steering`."""
         guide, bsdf = self.guide, si.bsdf()
         steer = choices.fork(0)
         choice, _ = uniform2(steer, vertex, 2)
         cell = cell_at(guide, si.p, si.n)
-        # Of a surface that can be passed through, the BSDF's sample tells how much it covers.
-        usable = active & can_connect(bsdf) & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
+        usable = active & steerable(bsdf)
         if not self.suffixes:
-            usable &= ~anchored
-        usable &= known(guide, cell, usable)
-        alpha = dr.select(usable, mi.Float(self.alpha), 1)
+            usable &= ~ledger.anchored
+        alpha = alpha_at(guide, cell, vertex, usable)
 
         bounce = scatter(si, bsdf, stream, vertex, active)
-        leaves = usable & (choice >= self.alpha)
+        leaves = choice >= alpha
         direction = sample(guide, cell, steer, vertex, leaves)
         value, density = evaluate(si, bsdf, direction, leaves)
         chosen = replace(
@@ -145,8 +151,8 @@ class ByGuide:
             delta=bounce.delta & ~leaves,
             eta=dr.select(leaves, 1, bounce.eta),
         )
-        g = pdf(guide, cell, chosen.wo, usable)
+        g = pdf(guide, cell, chosen.wo, alpha < 1)
         ratio = dr.select(chosen.pdf > 0, g / chosen.pdf, 0)
         stored = dr.select(chosen.delta, alpha, alpha + (1 - alpha) * ratio)
         replayed = dr.select(leaves, 0, alpha)
-        return chosen, Ledger(mi.Float(1), stored, replayed)
+        return chosen, Ledger(mi.Float(1), stored, replayed, mi.Bool(False))

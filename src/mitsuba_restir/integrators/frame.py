@@ -36,9 +36,6 @@ from ..shifts.mapping import ShiftMapping
 from ..shifts.scope import Scope
 from .parameters import Parameters
 
-ALPHA = 0.7
-"""Share of the bounces that are drawn from the BSDF where there is a guide."""
-
 FADING = 0.9
 """What a guide's past counts with from frame to frame where the scene changes."""
 
@@ -197,7 +194,7 @@ def sample_paths(
     guide = history.guide
     steering: Steering = ByBsdf()
     if guide is not None:
-        steering = ByGuide(guide, ALPHA, suffixes=not parameters.retrace_history)
+        steering = ByGuide(guide, suffixes=not parameters.retrace_history)
     candidates = initial(scope, now.hit, spp, steering, parameters.mutates)
     reservoirs, refused = candidates.reservoirs, candidates.refused
     beside = Beside(
@@ -207,6 +204,10 @@ def sample_paths(
         candidates.cut if parameters.cuts else mi.Bool(False),
     )
     dr.eval(reservoirs, beside)
+    if guide is not None:
+        memory = FADING if parameters.retrace_history else 1.0
+        guide = learn(guide, reservoirs, now.hit, memory)
+        dr.eval(guide)
     if not parameters.temporal or camera is None:
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
@@ -275,12 +276,7 @@ def share_paths(
     extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
     beside = replace(sampled.beside, refused=dr.sum(sampled.beside.refused))
     dr.eval(color, extra, beside)
-    guide = sampled.guide
-    if guide is not None:
-        memory = FADING if parameters.retrace_history else 1.0
-        guide = learn(guide, sampled.reservoirs, now.hit, memory)
-        dr.eval(guide)
-    history = History(reservoirs, now.hit, colors, guide)
+    history = History(reservoirs, now.hit, colors, sampled.guide)
     return Frame(color, extra, outcomes, sampled.matched, mutated, beside, history)
 
 

@@ -180,7 +180,7 @@ def _tree(
 
         # The lobe of the last vertex counts as well, as long as it is not known to cover anything.
         leaves = active | (on_surface & ~scattered)
-        bounce, factors = steering.bounce(si, stream, choices, j, leaves, anchored)
+        bounce, factors = steering.bounce(si, stream, choices, j, leaves, ledger)
         scattered |= on_surface & ~bounce.null
         anchor = onward(place, bounce)
         ledger = ledger.after(anchor.k != 0, factors)

@@ -1,0 +1,51 @@
+"""How much of a cell's directions the guide gets: what would have cost least in the past.
+
+The factor of a bounce in a candidate's weight w is 1 / r, r = alpha + (1 - alpha) g / p (see
+:mod:`.steering`). With another alpha' the second moment of the candidates would have been that of
+w^2 r / r': the mean over what came by, for a few alphas at a time, with the guide of the frame
+before, which has not learnt from it. It is convex in alpha. So that a cell that has seen little
+trusts the BSDF, its mean has some candidates that are made up, where the guide expects nothing.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+from .guide import CELLS, COSTS, NODES
+
+SHARES = (1.0, 0.85, 0.7, 0.5, 0.3)
+"""Shares of the BSDF that are compared."""
+
+MADE_UP = 4.0
+"""Candidates that are made up."""
+
+FORGETTING = 0.95
+"""What the past counts with from frame to frame: the guide was a worse one."""
+
+
+def paid(
+    costs: mi.Float, cell: mi.UInt32, cost: mi.Float, ratio: mi.Float, active: mi.Bool
+) -> None:
+    """Add candidates to their cells' costs, by w^2 r (``cost``) and g / p (``ratio``)."""
+    first = cell * COSTS
+    dr.scatter_add(costs, 1, first, active)
+    for i, share in enumerate(SHARES):
+        dr.scatter_add(costs, cost / (share + (1 - share) * ratio), first + (i + 1), active)
+
+
+def cheapest(costs: mi.Float, sums: mi.Float) -> mi.Float:
+    """The share of the BSDF of every cell; 1 where the guide knows nothing."""
+    cell = dr.arange(mi.UInt32, CELLS)
+    count, *totals = (dr.gather(mi.Float, costs, cell * COSTS + i) for i in range(COSTS))
+    made_up = MADE_UP * totals[0] / count
+    best, alpha = mi.Float(dr.inf), mi.Float(1)
+    for share, total in zip(SHARES, totals, strict=True):
+        cost = total + made_up / share
+        better = cost < best
+        best, alpha = dr.select(better, cost, best), dr.select(better, share, alpha)
+    known = dr.gather(mi.Float, sums, cell * NODES + 1) > 0
+    return dr.select(known, alpha, 1)
+
+
+assert len(SHARES) + 1 == COSTS
