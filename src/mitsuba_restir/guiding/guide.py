@@ -1,11 +1,9 @@
 """The guide: a distribution of directions for every cell of space, to look up, sample and evaluate.
 
-Cells are cubes of a world grid, told apart by the main direction of the surface as well, and hashed
-into a table of fixed size without a checksum: cells that collide share a distribution, which costs
-variance and no bias. A cell's distribution is piecewise constant over equal areas of the sphere
-(bins of cos theta and phi), mixed with a uniform share. Its bins are the leaves of a binary heap of
-sums, so that a draw takes one look-up a level, and a new sample adds to one node a level. A share
-of a cell's directions still comes from the BSDF.
+A cell's distribution is piecewise constant over equal areas of the sphere (bins of cos theta and
+phi), mixed with a uniform share. Its bins are the leaves of a binary heap of sums, so that a draw
+takes one look-up a level, and a new sample adds to one node a level. A share of a cell's directions
+still comes from the BSDF.
 """
 
 from __future__ import annotations
@@ -16,12 +14,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..sampling.streams import Stream, uniform2
-
-CELLS = 1 << 12
-"""Entries of the table."""
-
-GRID = 24
-"""Cells along the longest side of the scene."""
+from .cells import CELLS, Cells, cells_of
 
 Z_BITS, PHI_BITS = 4, 4
 LEVELS = Z_BITS + PHI_BITS
@@ -42,53 +35,30 @@ UNIFORM = 0.1
 class Guide:
     """What is known of where light comes from.
 
-    Fields: ``sums`` (the heaps, cell after cell), ``alpha`` (of every cell: the share of directions
-    that come from the BSDF; 1 where nothing has been seen), ``corner`` (of the grid, world),
-    ``scale`` (cells per unit of length), ``costs`` and ``mean`` (what only the learning needs: see
-    :mod:`mitsuba_restir.guiding.share`, and the mean luminance that the last frame learnt from).
+    Fields: ``cells``, ``sums`` (the heaps, cell after cell), ``alpha`` (of every cell: the share of
+    directions that come from the BSDF; 1 where nothing has been seen), ``costs`` and ``mean`` (what
+    only the learning needs: see :mod:`mitsuba_restir.guiding.share`, and the mean luminance that
+    the last frame learnt from).
     """
 
+    cells: Cells
     sums: mi.Float
     alpha: mi.Float
-    corner: mi.Point3f
-    scale: mi.Float
     costs: mi.Float
     mean: mi.Float
 
 
 def no_guide(scene: mi.Scene) -> Guide:
     """A guide that has seen nothing, for the extent of a scene."""
-    box = scene.bbox()
-    extent = max(*(float(side) for side in box.extents()), 1e-20)
     guide = Guide(
+        cells_of(scene),
         dr.zeros(mi.Float, CELLS * NODES),
         dr.full(mi.Float, 1, CELLS),
-        mi.Point3f(box.min),
-        mi.Float(GRID / extent),
         dr.zeros(mi.Float, CELLS * COSTS),
         mi.Float(0),
     )
     dr.make_opaque(guide)
     return guide
-
-
-def cell_at(guide: Guide, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
-    """The cell of a surface point.
-
-    Parameters
-    ----------
-    p, n : Point3f, Normal3f
-        A surface point and its normal.
-    """
-    place = (p - guide.corner) * guide.scale
-    key = mi.Vector3u(mi.Vector3i(dr.floor(place)))
-    size = dr.abs(n)
-    largest = dr.max(size)
-    axis = dr.select(size.x == largest, mi.UInt32(0), dr.select(size.y == largest, 2, 4))
-    along = dr.select(size.x == largest, n.x, dr.select(size.y == largest, n.y, n.z))
-    facing = axis + dr.select(along < 0, mi.UInt32(1), 0)
-    a, _ = mi.sample_tea_32(key.x ^ (key.y << 11), key.z ^ (facing << 28))
-    return a & (CELLS - 1)
 
 
 def alpha_at(guide: Guide, cell: mi.UInt32, vertex: mi.UInt32 | int, active: mi.Bool) -> mi.Float:

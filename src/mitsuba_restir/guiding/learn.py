@@ -1,6 +1,7 @@
 """Learning: one frame's reservoirs make the next frame's guide.
 
-The reservoirs after temporal and before spatial reuse say where light came from: at x_1 along the
+The reservoirs of the fresh candidates, before any reuse, say where light came from (with those after
+temporal reuse the same paths count many times, and the guide is a worse one): at x_1 along the
 direction to x_2, where that is the reconnection vertex, and at x_k along the direction that leaves
 it, unless it was sampled from a light. They count with lum(F W), bounded so that no firefly owns a
 cell.
@@ -19,7 +20,8 @@ from ..paths.scattering import evaluate
 from ..paths.spectrum import target
 from ..paths.vertex import seen_from
 from ..resampling.reservoir import Reservoir
-from .guide import LEVELS, NODES, Guide, alpha_at, cell_at, leaf_of, pdf
+from .cells import cell_at
+from .guide import LEVELS, NODES, Guide, alpha_at, leaf_of, pdf
 from .share import FORGETTING, cheapest, paid
 from .steering import steerable
 
@@ -94,13 +96,13 @@ def _study(
     stored = active & lesson.stored
     _, density = evaluate(si, bsdf, lesson.direction, stored)
     stored &= density > 0
-    cell = cell_at(guide, si.p, si.n)
+    cell = cell_at(guide.cells, si.p, si.n)
     ratio = dr.select(stored, pdf(guide, cell, lesson.direction, stored) / density, 0)
     alpha = alpha_at(guide, cell, lesson.vertex, active)
     cost = dr.square(lesson.value) * (alpha + (1 - alpha) * ratio)
     paid(learnt.costs, cell, cost, ratio, active)
 
-    heap = cell_at(guide, _moved(guide, si), si.n) * NODES
+    heap = cell_at(guide.cells, _moved(guide, si), si.n) * NODES
     leaf = leaf_of(lesson.direction)
     for level in range(LEVELS + 1):
         dr.scatter_add(learnt.sums, lesson.value, heap + (leaf >> level), stored)
@@ -114,4 +116,4 @@ def _moved(guide: Guide, si: mi.SurfaceInteraction3f) -> mi.Point3f:
     )
     u, v = (mi.Float(bits >> 8) * 2.0**-24 - 0.5 for bits in (a, b))
     frame = mi.Frame3f(si.n)
-    return si.p + (frame.s * u + frame.t * v) / guide.scale
+    return si.p + (frame.s * u + frame.t * v) / guide.cells.scale

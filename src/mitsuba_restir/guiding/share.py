@@ -12,7 +12,8 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from .guide import CELLS, COSTS, NODES
+from .cells import CELLS
+from .guide import COSTS, NODES
 
 SHARES = (1.0, 0.85, 0.7, 0.5, 0.3)
 """Shares of the BSDF that are compared."""

@@ -25,7 +25,8 @@ import mitsuba as mi
 
 from ..paths.scattering import Scattered, can_connect, evaluate, scatter
 from ..sampling.streams import Stream, uniform2
-from .guide import Guide, alpha_at, cell_at, pdf, sample
+from .cells import cell_at
+from .guide import Guide, alpha_at, pdf, sample
 
 
 @dataclass
@@ -131,7 +132,7 @@ class ByGuide:
         guide, bsdf = self.guide, si.bsdf()
         steer = choices.fork(0)
         choice, _ = uniform2(steer, vertex, 2)
-        cell = cell_at(guide, si.p, si.n)
+        cell = cell_at(guide.cells, si.p, si.n)
         usable = active & steerable(bsdf)
         if not self.suffixes:
             usable &= ~ledger.anchored

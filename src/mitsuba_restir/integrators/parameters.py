@@ -25,6 +25,14 @@ class Parameters:
     rr_depth: int = declared(
         5, "Depth from which initial candidates are subject to Russian roulette.", low=1
     )
+    roulette: str = declared(
+        "throughput",
+        """Which candidates are ended early, with what the others count more. ``throughput``: as in
+        ``path``, from ``rr_depth`` on. ``contribution``: from the second vertex on, those that are
+        expected to contribute little to the pixel, by what earlier frames have found where they
+        are.""",
+        choices=("throughput", "contribution"),
+    )
     hide_emitters: bool = declared(
         False,
         """Hide directly visible emitters; the environment also behind what a ray passes through

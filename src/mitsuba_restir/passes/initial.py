@@ -1,8 +1,8 @@
 """Initial candidates: path tracing in which every light-carrying sub-path enters one reservoir.
 
-Light sampling and BSDF sampling are combined by the balance heuristic. Russian roulette follows
-Mitsuba's ``path`` and is folded into a candidate's resampling weight, never into its integrand, so
-that replays need not repeat it.
+Light sampling and BSDF sampling are combined by the balance heuristic. Where directions come from and
+which paths go on is the business of a policy; both are folded into a candidate's resampling weight,
+never into its integrand, so that replays need not repeat them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from ..guiding.roulette import Leaving, Roulette, no_outlook
 from ..guiding.steering import Steering, empty_ledger
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Continuation
@@ -45,6 +46,14 @@ from ..shifts.replay import at_primary
 from ..shifts.scope import Scope
 
 
+@dataclass(frozen=True)
+class Policy:
+    """How trees grow: where the directions of bounces come from, and which paths go on."""
+
+    steering: Steering
+    roulette: Roulette
+
+
 @dataclass
 class Candidates:
     """What a frame's candidates leave.
@@ -61,7 +70,7 @@ class Candidates:
 
 
 def initial(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, steering: Steering, continued: bool
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, continued: bool
 ) -> Candidates:
     """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
 
@@ -71,13 +80,13 @@ def initial(
         Primary hits, one lane per pixel.
     spp : UInt32
         Number of trees (opaque).
-    steering : Steering
-        Where the directions of bounces come from.
+    policy : Policy
+        How the trees grow.
     continued : bool
         Whether records carry the continuation that mutations need.
     """
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
-    streaming, refused, covered, cut = _trees(scope, hit, spp, steering, continued)
+    streaming, refused, covered, cut = _trees(scope, hit, spp, policy, continued)
     reservoir = finalize(streaming, mi.Float(spp), confidence)
     lost = ~is_sound(reservoir.weight, streaming.total)
     shown = streaming.color * (streaming.total / target(streaming.color))
@@ -89,16 +98,16 @@ def initial(
 
 @dr.syntax
 def _trees(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, steering: Steering, continued: bool
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, continued: bool
 ) -> tuple[Streaming, Refused, mi.Float, mi.Bool]:
     streaming, refused = empty_streaming(continued), none_refused()
     covered, cut = mi.Float(0), mi.Bool(False)
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
-    while dr.hint(tree < spp, exclude=[scope, steering], label="Path trees"):
+    while dr.hint(tree < spp, exclude=[scope, policy], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
         streaming, refused, scattered, length = _tree(
-            scope, hit, name, steering, streaming, refused
+            scope, hit, name, policy, streaming, refused
         )
         covered += dr.select(scattered, mi.Float(1), 0)
         cut |= length == scope.limits.max_depth
@@ -111,7 +120,7 @@ def _tree(
     scope: Scope,
     hit: PrimaryHit,
     name: PathName,
-    steering: Steering,
+    policy: Policy,
     streaming: Streaming,
     refused: Refused,
 ) -> tuple[Streaming, Refused, mi.Bool, mi.UInt32]:
@@ -136,9 +145,10 @@ def _tree(
     survival = mi.Float(1)  # probability of having survived roulette
     eta = mi.Float(1)  # index of refraction relative to the camera
     anchor = no_anchor(isinstance(streaming.path.next, Continuation))
+    outlook = no_outlook()  # what the path may still find
     ledger = empty_ledger()  # what the choice of directions divides a candidate's weight by
 
-    while dr.hint(active, exclude=[scope, limits, mapping, steering], label="Initial candidates"):
+    while dr.hint(active, exclude=[scope, limits, mapping, policy], label="Initial candidates"):
         si = pi.compute_surface_interaction(ray)
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active & si.is_valid())
@@ -158,6 +168,9 @@ def _tree(
         weight = target(color) * odds
         refused = refuse(refused, color * odds, arrived & ~fits(streaming, weight))
         streaming = offer(streaming, path, color, weight, uniform(choices, j, 0), arrived)
+        found = response(radiance * balance(start.pdf, light_pdf), lambdas)
+        found = dr.select(arrived, target(found), 0)
+        outlook = policy.roulette.arrive(outlook, si, j, found, active)
 
         # -------------------------- light sampled from this vertex ------------------------------
 
@@ -180,21 +193,25 @@ def _tree(
 
         # The lobe of the last vertex counts as well, as long as it is not known to cover anything.
         leaves = active | (on_surface & ~scattered)
-        bounce, factors = steering.bounce(si, stream, choices, j, leaves, ledger)
+        bounce, factors = policy.steering.bounce(si, stream, choices, j, leaves, ledger)
         scattered |= on_surface & ~bounce.null
         anchor = onward(place, bounce)
         ledger = ledger.after(anchor.k != 0, factors)
         # A guided bounce that a replay would have to repeat leads to no candidate.
         active &= ledger.settled > 0
+        sampled = response(value * light.weight * mis, lambdas)
+        worth = target(response(throughput, lambdas)) / (survival * ledger.settled)
+        step = target(response(bounce.weight, lambdas)) / factors.stored
         throughput *= bounce.weight
         eta *= bounce.eta
         start = depart_scattered(si, bounce, limit)
 
         brightest = dr.max(throughput) / survival
-        chance = dr.minimum(brightest * dr.square(eta), 0.95)
-        roulette = j >= limits.rr_depth
-        active &= (brightest != 0) & (~roulette | (bounce.roulette < chance))
-        survival *= dr.select(roulette, chance, 1)
+        sampled = dr.select(light.valid, target(sampled), 0)
+        leaving = Leaving(j, sampled, worth, step, brightest, eta)
+        chance, outlook = policy.roulette.leave(outlook, leaving, active)
+        active &= (brightest != 0) & (bounce.roulette < chance)
+        survival *= chance
 
         ray = si.spawn_ray(bounce.wo)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active)

@@ -1,0 +1,182 @@
+"""Russian roulette: which paths go on, and with what probability.
+
+A candidate's weight is divided by the probability that its path got so far, which depends on the
+path and on earlier frames alone. By throughput, as in Mitsuba's ``path``, or by contribution: with
+what is known of the radiance that leaves every cell of space, a path is expected to contribute w L
+(w: what a candidate that ends here counts with; L: of its last vertex's cell), the pixel the L of
+its primary hit. Adjoint-driven roulette (Vorba and Krivanek 2016) survives with their ratio; the
+square root of it weighs variance against time (Rath et al. 2022) and was the better one here.
+
+The radiances are learnt step by step: a vertex is worth the light sampled from it, and what the
+next one is worth by what is known so far (temporal differences, Dahm and Keller 2017).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import drjit as dr
+import mitsuba as mi
+
+from .cells import CELLS, Cells, cell_at, cells_of
+
+LEAST = 0.1
+"""Smallest probability to go on."""
+
+LARGEST = 0.95
+"""Largest one where nothing is known, or by throughput: no path goes on for ever."""
+
+REMEMBERED = 0.95
+"""What the past counts with from frame to frame."""
+
+
+@dataclass
+class Outlook:
+    """What a growing path may look forward to.
+
+    Fields: ``cell`` (of the last vertex), ``step`` (luminance of the weight of the bounce from it,
+    over the probability to go on), ``here`` and ``own`` (what the cells of the last vertex and of
+    x_1 are expected to be worth).
+    """
+
+    cell: mi.UInt32
+    step: mi.Float
+    here: mi.Float
+    own: mi.Float
+
+
+def no_outlook() -> Outlook:
+    """Of a path that has not begun."""
+    return Outlook(mi.UInt32(0), mi.Float(0), mi.Float(0), mi.Float(0))
+
+
+@dataclass
+class Leaving:
+    """How a path leaves a vertex.
+
+    Fields: ``vertex`` (its index), ``sampled`` (luminance that leaves it of the light sampled from
+    it), ``worth`` (what a luminance of one that leaves it counts with in a candidate's weight),
+    ``step`` (luminance of the weight of the bounce), ``brightest`` (channel of the throughput after
+    the bounce, over the survival so far), ``eta`` (index of refraction relative to the camera).
+    """
+
+    vertex: mi.UInt32
+    sampled: mi.Float
+    worth: mi.Float
+    step: mi.Float
+    brightest: mi.Float
+    eta: mi.Float
+
+
+class Roulette(Protocol):
+    """Decides which paths go on."""
+
+    def arrive(
+        self,
+        outlook: Outlook,
+        si: mi.SurfaceInteraction3f,
+        vertex: mi.UInt32,
+        found: mi.Float,
+        active: mi.Bool,
+    ) -> Outlook:
+        """The outlook from the next vertex, where the bounce has ``found`` a luminance."""
+
+    def leave(
+        self, outlook: Outlook, leaving: Leaving, active: mi.Bool
+    ) -> tuple[mi.Float, Outlook]:
+        """The probability to go on, and the outlook of what does."""
+
+
+@dataclass(frozen=True)
+class ByThroughput:
+    """As in Mitsuba's ``path``, from the vertex ``depth`` on."""
+
+    depth: int
+
+    def arrive(
+        self,
+        outlook: Outlook,
+        si: mi.SurfaceInteraction3f,
+        vertex: mi.UInt32,
+        found: mi.Float,
+        active: mi.Bool,
+    ) -> Outlook:
+        """See :class:`Roulette`."""
+        return outlook
+
+    def leave(
+        self, outlook: Outlook, leaving: Leaving, active: mi.Bool
+    ) -> tuple[mi.Float, Outlook]:
+        """See :class:`Roulette`."""
+        chance = dr.minimum(leaving.brightest * dr.square(leaving.eta), LARGEST)
+        return dr.select(leaving.vertex >= self.depth, chance, 1), outlook
+
+
+@dataclass
+class Expected:
+    """What is known of the light that leaves the cells.
+
+    Fields: ``cells``, ``radiance`` (mean luminance, a cell), ``tally`` (a cell's sum and visits).
+    """
+
+    cells: Cells
+    radiance: mi.Float
+    tally: mi.Float
+
+
+def nothing_expected(scene: mi.Scene) -> Expected:
+    """Before the first frame."""
+    tables = dr.zeros(mi.Float, CELLS), dr.zeros(mi.Float, 2 * CELLS)
+    expected = Expected(cells_of(scene), *tables)
+    dr.make_opaque(expected)
+    return expected
+
+
+def faded(expected: Expected, memory: float) -> Expected:
+    """Evaluated, and ready to take note of another frame; ``memory``: less than 1 where it moves."""
+    tally = expected.tally * (REMEMBERED * memory)
+    dr.eval(tally)
+    return replace(expected, tally=tally)
+
+
+def updated(expected: Expected) -> Expected:
+    """With the radiances that the tally stands for."""
+    cell = dr.arange(mi.UInt32, CELLS)
+    total, visits = (dr.gather(mi.Float, expected.tally, 2 * cell + i) for i in range(2))
+    return replace(expected, radiance=dr.select(visits > 0, total / visits, 0))
+
+
+@dataclass(frozen=True)
+class ByContribution:
+    """By what paths are expected to contribute; takes note of what they find."""
+
+    expected: Expected
+
+    def arrive(
+        self,
+        outlook: Outlook,
+        si: mi.SurfaceInteraction3f,
+        vertex: mi.UInt32,
+        found: mi.Float,
+        active: mi.Bool,
+    ) -> Outlook:
+        """See :class:`Roulette`."""
+        expected, surface = self.expected, active & si.is_valid()
+        cell = cell_at(expected.cells, si.p, si.n)
+        here = dr.gather(mi.Float, expected.radiance, cell, surface)
+        found = outlook.step * (found + here)
+        dr.scatter_add(expected.tally, found, 2 * outlook.cell, active & (vertex > 1))
+        return Outlook(cell, mi.Float(0), here, dr.select(vertex == 1, here, outlook.own))
+
+    def leave(
+        self, outlook: Outlook, leaving: Leaving, active: mi.Bool
+    ) -> tuple[mi.Float, Outlook]:
+        """See :class:`Roulette`."""
+        tally, entry = self.expected.tally, 2 * outlook.cell
+        dr.scatter_add(tally, leaving.sampled, entry, active)
+        dr.scatter_add(tally, 1, entry + 1, active)
+        ratio = leaving.worth * outlook.here / outlook.own
+        known = (outlook.here > 0) & (outlook.own > 0) & (leaving.vertex > 1)
+        chance = dr.select(known, dr.clip(dr.sqrt(ratio), LEAST, 1), LARGEST)
+        return chance, replace(outlook, step=leaving.step / chance)
