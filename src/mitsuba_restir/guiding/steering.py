@@ -59,6 +59,26 @@ def empty_ledger() -> Ledger:
     return Ledger(mi.Float(1), mi.Float(1), mi.Float(1))
 
 
+def share_of_bsdf(
+    guide: Guide, cell: mi.UInt32, bsdf: mi.BSDFPtr, alpha: float, active: mi.Bool
+) -> mi.Float:
+    """Probability with which a direction comes from the BSDF: 1 where the guide is of no use.
+
+    Parameters
+    ----------
+    cell : UInt32
+        See :func:`mitsuba_restir.guiding.guide.cell_at`.
+    alpha : float
+        Of cells that have seen light.
+    active : Bool
+        Lanes where the guide may be used at all.
+    """
+    # Of a surface that can be passed through, the BSDF's sample tells how much it covers.
+    usable = active & can_connect(bsdf) & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
+    usable &= known(guide, cell, usable)
+    return dr.select(usable, mi.Float(alpha), 1)
+
+
 class Steering(Protocol):
     """Where the directions of candidates come from."""
 
@@ -124,15 +144,12 @@ class ByGuide:
         steer = choices.fork(0)
         choice, _ = uniform2(steer, vertex, 2)
         cell = cell_at(guide, si.p, si.n)
-        # Of a surface that can be passed through, the BSDF's sample tells how much it covers.
-        usable = active & can_connect(bsdf) & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
-        if not self.suffixes:
-            usable &= ~anchored
-        usable &= known(guide, cell, usable)
-        alpha = dr.select(usable, mi.Float(self.alpha), 1)
+        steerable = active if self.suffixes else active & ~anchored
+        alpha = share_of_bsdf(guide, cell, bsdf, self.alpha, steerable)
+        usable = alpha < 1
 
         bounce = scatter(si, bsdf, stream, vertex, active)
-        leaves = usable & (choice >= self.alpha)
+        leaves = usable & (choice >= alpha)
         direction = sample(guide, cell, steer, vertex, leaves)
         value, density = evaluate(si, bsdf, direction, leaves)
         chosen = replace(

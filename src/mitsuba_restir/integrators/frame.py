@@ -78,13 +78,16 @@ class Beside:
 
     Fields: ``direct`` (light seen directly, and candidates that are not finite), ``alpha``,
     ``refused`` (how many candidates and paths of the history were not finite), ``cut`` (pixels with
-    a path that ends because records have no room for more).
+    a path that ends because records have no room for more), ``lit`` (pixels whose candidates carry
+    light), ``candidates`` (what these alone would show; 0 where that is not asked for).
     """
 
     direct: mi.Color3f
     alpha: mi.Float
     refused: mi.UInt32
     cut: mi.Bool
+    lit: mi.Bool
+    candidates: mi.Color3f
 
 
 @dataclass
@@ -200,11 +203,14 @@ def sample_paths(
         steering = ByGuide(guide, ALPHA, suffixes=not parameters.retrace_history)
     candidates = initial(scope, now.hit, spp, steering, parameters.mutates)
     reservoirs, refused = candidates.reservoirs, candidates.refused
+    direct = now.emitted + refused.color
     beside = Beside(
-        now.emitted + refused.color,
+        direct,
         dr.maximum(now.backdrop, candidates.coverage),
         refused.count,
         candidates.cut if parameters.cuts else mi.Bool(False),
+        reservoirs.weight > 0,
+        direct + reservoir_color(reservoirs) if parameters.shows_candidates else mi.Color3f(0),
     )
     dr.eval(reservoirs, beside)
     if not parameters.temporal or camera is None:
@@ -272,8 +278,10 @@ def share_paths(
 
     color += sampled.beside.direct
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
-    extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
-    beside = replace(sampled.beside, refused=dr.sum(sampled.beside.refused))
+    beside = sampled.beside
+    shown = Shown(now.hit, sampled.flow, reservoirs, past, beside.candidates)
+    extra = auxiliary(kinds, moved, shown)
+    beside = replace(beside, refused=dr.sum(beside.refused))
     dr.eval(color, extra, beside)
     guide = sampled.guide
     if guide is not None:
