@@ -34,7 +34,10 @@ def measure(task: Task) -> dict[str, float]:
         history = renderer.history()
         found["reservoir"] = _bytes(history.reservoirs) / task.pixels
         found["path record"] = _bytes(history.reservoirs.path) / task.pixels
-        found["reservoir and primary hit"] = _bytes(history) / task.pixels
+        of_pixels = dataclasses.replace(history, guide=None)
+        found["reservoir and primary hit"] = _bytes(of_pixels) / task.pixels
+        if history.learnt.guide is not None:
+            found["guide"] = float(_bytes(history.learnt.guide))
     return found
 
 
@@ -86,7 +89,7 @@ def slopes(answers: harness.Answers) -> dict[str, list[float]]:
 
 def unit_of(name: str) -> str:
     """Return the unit of a number."""
-    return "B" if name.startswith("peak") else "B/pixel"
+    return "B" if name.startswith(("peak", "guide")) else "B/pixel"
 
 
 if __name__ == "__main__":

@@ -62,9 +62,10 @@ def test_mi_render_is_the_same(room):
 # --------------------------------- kernels ------------------------------------------------------
 
 
+@pytest.mark.parametrize("guiding", [False, True])
 @pytest.mark.parametrize("mode", ["candidates_1", "both"])
-def test_no_kernel_is_compiled_after_the_first_frames(room, mode):
-    renderer = integrator(5, MODES[mode])
+def test_no_kernel_is_compiled_after_the_first_frames(room, mode, guiding):
+    renderer = integrator(5, MODES[mode], guiding=guiding)
     sensor = room.sensors()[0]
     camera = mi.traverse(sensor)
 

@@ -7,6 +7,7 @@ once, and is missed.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import drjit as dr
@@ -21,13 +22,14 @@ from support.runs import bias_report, independent_runs, integrator
 from test_unbiased import ROOM, ZOO, check
 
 from mitsuba_restir.guiding import guide as guides
-from mitsuba_restir.guiding import share
-from mitsuba_restir.guiding.guide import CELLS, LEVELS, NODES, Guide, no_guide
-from mitsuba_restir.integrators import frame as frame_module
+from mitsuba_restir.guiding import policy, share
+from mitsuba_restir.guiding.cells import CELLS, Cells
+from mitsuba_restir.guiding.guide import LEVELS, NODES, Guide, no_guide
+from mitsuba_restir.guiding.roulette import Expected, nothing_expected
 from mitsuba_restir.sampling.streams import FrameKey, Purpose
 
 
-def heaps(leaves: np.ndarray) -> mi.Float:
+def heaps(leaves: np.ndarray) -> np.ndarray:
     """Sums of the heaps with these leaves (cells, 2^LEVELS)."""
     nodes = np.zeros((len(leaves), NODES), np.float32)
     nodes[:, NODES // 2 :] = leaves
@@ -35,25 +37,32 @@ def heaps(leaves: np.ndarray) -> mi.Float:
         first = 1 << level
         pairs = nodes[:, 2 * first : 4 * first].reshape(len(leaves), first, 2)
         nodes[:, first : 2 * first] = pairs.sum(axis=-1)
-    return mi.Float(nodes.ravel())
+    return nodes.ravel()
 
 
-def adversary(scene: mi.Scene) -> Guide:
+@functools.cache
+def hostile() -> np.ndarray:
     """Random lobes over a half of the sphere, another one in every cell; a quarter is empty."""
     rng = np.random.default_rng(5)
     leaves = rng.exponential(size=(CELLS, 1 << LEVELS)) ** 3
     halves = leaves.reshape(CELLS, 2, -1)
     halves[np.arange(CELLS), rng.integers(2, size=CELLS)] = 0
-    unknown = rng.random(CELLS) < 0.25
-    leaves[unknown] = 0
-    alpha = np.where(unknown, 1, rng.uniform(0.2, 0.9, CELLS))
-    return replace(no_guide(scene), sums=heaps(leaves), alpha=mi.Float(alpha))
+    leaves[rng.random(CELLS) < 0.25] = 0
+    return heaps(leaves)
+
+
+def adversary(scene: mi.Scene) -> Guide:
+    """A guide that has learnt nothing of the scene."""
+    sums = hostile()
+    share = np.random.default_rng(6).uniform(0.2, 0.9, CELLS)
+    alpha = np.where(sums.reshape(CELLS, NODES)[:, 1] > 0, share, 1)
+    return replace(no_guide(scene), sums=mi.Float(sums), alpha=mi.Float(alpha))
 
 
 @pytest.fixture
 def frozen(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    monkeypatch.setattr(frame_module, "no_guide", adversary)
-    monkeypatch.setattr(frame_module, "learn", lambda guide, *_: guide)
+    monkeypatch.setattr(policy, "no_guide", adversary)
+    monkeypatch.setattr(policy, "learn", lambda guide, *_: guide)
     return monkeypatch
 
 
@@ -66,7 +75,8 @@ def test_samples_follow_the_density(rgb):
     leaves = np.zeros((CELLS, 1 << LEVELS))
     leaves[3] = rng.exponential(size=1 << LEVELS) ** 2
     leaves[3, rng.random(1 << LEVELS) < 0.5] = 0
-    guide = Guide(heaps(leaves), mi.Float(1), mi.Point3f(0), mi.Float(1), mi.Float(0), mi.Float(0))
+    cells = Cells(mi.Point3f(0), mi.Float(1))
+    guide = Guide(cells, mi.Float(heaps(leaves)), mi.Float(1), mi.Float(0), mi.Float(0))
     n = 1 << 20
     lane, all_lanes = dr.arange(mi.UInt32, n), dr.full(mi.Bool, True, n)
     cell = mi.UInt32(3) + 0 * lane
@@ -88,7 +98,7 @@ def test_what_is_learnt_adds_up(rgb):
     renderer = integrator(5, MODES["both"], guiding=True)
     for i in range(8):
         renderer.render(scene, seed=i, spp=1)
-    nodes = np.array(renderer._history.guide.sums).reshape(CELLS, NODES)
+    nodes = np.array(renderer._history.learnt.guide.sums).reshape(CELLS, NODES)
     known = nodes[nodes[:, 1] > 0]
     assert 20 < len(known) < CELLS
     inner = np.arange(1, NODES // 2)
@@ -105,8 +115,9 @@ def test_the_share_is_the_cheapest(rgb, light):
     drawn_with = 0.7 * p + 0.3 * g
     drawn = rng.choice(2, 20_000, p=drawn_with)
     cost = mi.Float(((f / drawn_with) ** 2 * drawn_with / p)[drawn])
-    costs, cell = dr.zeros(mi.Float, CELLS * guides.COSTS), dr.full(mi.UInt32, 7, len(drawn))
-    share.paid(costs, cell, cost, mi.Float((g / p)[drawn]), mi.Bool(True))
+    bills, cell = share.nothing_paid(), dr.full(mi.UInt32, 7, len(drawn))
+    share.pay(bills, cell, cost, mi.Float((g / p)[drawn]), mi.Bool(True))
+    costs = share.settled(dr.zeros(mi.Float, CELLS * guides.COSTS), 1.0, bills)
     sums = np.zeros((CELLS, NODES), np.float32)
     sums[7, 1] = 1
     alpha = np.array(share.cheapest(costs, mi.Float(sums.ravel())))
@@ -116,8 +127,9 @@ def test_the_share_is_the_cheapest(rgb, light):
 
 
 def test_a_cell_that_has_seen_little_trusts_the_bsdf(rgb):
-    costs = dr.zeros(mi.Float, CELLS * guides.COSTS)
-    share.paid(costs, mi.UInt32(7), mi.Float(1), mi.Float(2), mi.Bool(True))
+    bills = share.nothing_paid()
+    share.pay(bills, mi.UInt32(7), mi.Float(1), mi.Float(2), mi.Bool(True))
+    costs = share.settled(dr.zeros(mi.Float, CELLS * guides.COSTS), 1.0, bills)
     assert (np.array(share.cheapest(costs, dr.full(mi.Float, 1, CELLS * NODES))) == 1).all()
 
 
@@ -176,6 +188,67 @@ def test_learnt_in_independent_frames(rgb):
     )
 
 
+# --------------------------------- roulette -----------------------------------------------------
+
+
+def misled(scene: mi.Scene) -> Expected:
+    """Expects anything, another thing in every cell, and nothing in a quarter of them."""
+    rng = np.random.default_rng(8)
+    radiance = 10 ** rng.uniform(-2, 2, CELLS) * (rng.random(CELLS) > 0.25)
+    return replace(nothing_expected(scene), radiance=mi.Float(radiance))
+
+
+@pytest.fixture
+def misleading(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    monkeypatch.setattr(policy, "nothing_expected", misled)
+    monkeypatch.setattr(policy, "updated", lambda expected, *_: expected)
+    return monkeypatch
+
+
+@pytest.mark.parametrize("guiding", [False, True])
+@pytest.mark.parametrize("name", CASES)
+def test_roulette_by_any_expectation(rgb, frozen, misleading, name, guiding):
+    mode, runs, power = CASES[name]
+    label = f"{name}-roulette-{guiding}"
+    check(name, mode, runs, 1.5 * power, label=label, guiding=guiding, roulette="contribution")
+
+
+def test_roulette_by_what_is_learnt(rgb):
+    mode = replace(MODES["both"], frames=6)
+    check("room", mode, 256, 0.03, label="room-roulette", guiding=True, roulette="contribution")
+
+
+def test_expectations_meet_the_light_that_leaves(rgb):
+    """In a furnace every surface sends out what it is lit by, whatever ends the paths."""
+    wall = {"type": "diffuse", "reflectance": 0.5}
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "sensor": {
+                "type": "perspective",
+                "film": {"type": "hdrfilm", "width": 32, "height": 32, "rfilter": {"type": "box"}},
+            },
+            "room": {
+                "type": "sphere",
+                "radius": 2.0,
+                "flip_normals": True,
+                "bsdf": wall,
+                "light": {"type": "area", "radiance": 1.0},
+            },
+        }
+    )
+    renderer = mi.load_dict(
+        {"type": "restir_pt", "max_depth": -1, "roulette": "contribution", "guiding": True}
+    )
+    for seed in range(150):
+        renderer.render(scene, seed=seed, spp=4)
+    expected = renderer._history.learnt.expected
+    visits = np.array(expected.sums)[1::2]
+    mean = np.average(np.array(expected.radiance), weights=visits)
+    # Scattered light alone: 0.5 + 0.25 + ... of a unit radiance.
+    assert mean == pytest.approx(1, rel=0.02)
+
+
 CONTROLS = {
     "factor of a stored direction": Mutation(
         "stored = dr.select(chosen.delta, alpha, alpha + (1 - alpha) * ratio)",
@@ -188,6 +261,16 @@ CONTROLS = {
         "replayed = dr.select(leaves, 0, alpha)", "replayed = dr.select(leaves, alpha, alpha)"
     ),
 }
+
+
+def test_control_of_roulette(rgb, misleading):
+    apply(misleading, (Mutation("survival *= chance", "survival *= 1"),))
+    case = references.CASES["grooves"]
+    more = {"roulette": "contribution"}
+    renderer = integrator(case.max_depth, MODES["candidates_4"], **more)
+    runs = independent_runs(renderer, case.load(), MODES["candidates_4"])
+    report = bias_report(runs, 128, *references.load("grooves"))
+    assert not report.passed, f"what paths survive is left out, and nothing is seen\n{report}"
 
 
 @pytest.mark.parametrize("name", CONTROLS)

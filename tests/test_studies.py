@@ -121,6 +121,7 @@ def _fake_probe(
         "peak": 1e6 + 500.0 * size[0] * size[1] + index,
         "number": float(index),
         "duplicated paths r=8, after mutations": 0.5,
+        "light": 0.5,
     }
 
 
@@ -367,7 +368,7 @@ def test_every_quantity_can_be_measured(
 ) -> None:
     if "flip" in name:
         pytest.importorskip("flip_evaluator")
-    if "denoised" in name:
+    if name in ("denoised", "average"):
         pytest.importorskip("mitsuba_oidn")
     changes = [f'quantities=["{name}"]', "warmup=0", "keep='all'", 'sizes=["48x32"]']
     changes += ["reference.spp=4096", "runs=4"]
@@ -404,7 +405,7 @@ def test_quantities_that_share_numbers_give_them_once(
     changes = ['quantities=["statistics", "duplication", "rmse"]']
     table = run_study(load_study(str(tmp_path / "small.toml"), changes), tmp_path / "out")
     keys = [(row.quantity, row.variant) for row in table.rows]
-    assert len(keys) == len(set(keys)) == 2 * 4
+    assert len(keys) == len(set(keys)) == 2 * 5
     assert keys[-2:] == [("RMSE", "plain"), ("RMSE", "better")]
     only = run_study(
         load_study(str(tmp_path / "small.toml"), ['quantities=["duplication"]']), tmp_path / "out"

@@ -464,3 +464,68 @@ def test_the_time_of_a_single_run_has_no_interval() -> None:
     assert row.ratio.value == 1.0
     assert np.isnan([row.value.low, row.ratio.low]).all()
     assert row.p_value is None
+
+
+def test_blotches_are_seen_through_wide_gaussians() -> None:
+    """White noise of variance v through a Gaussian of s pixels has v / (4 pi s^2)."""
+    rng = np.random.default_rng(11)
+    data = _data({"a": _grey(1.0 + 0.3 * rng.standard_normal((40, 2, *SHAPE)))}, _exact())
+    rows = _rows("blotches", data)
+    for sigma in (3.0, 8.0):
+        row = rows["a", f"filtered MSE, {sigma:g} px"]
+        expected = (0.3 / 1.01) ** 2 / (4 * np.pi * sigma**2)
+        # At the border, mirrored, there is more of it.
+        assert expected < row.value.value < 1.5 * expected
+
+
+def test_variance_is_that_of_pixels_and_trimmed_by_pixels() -> None:
+    """Ten pixels of 6,144 have another variance; the trimmed value is that of the others."""
+    rng = np.random.default_rng(12)
+    deviation = np.full(SHAPE, 0.3)
+    deviation[0, :10] = 30.0
+    noise = rng.standard_normal((32, 8, *SHAPE)) * deviation
+    variance = _grey(np.full(SHAPE, 0.04))
+    reference = ReferenceImage(_grey(1.0 + 0.2 * rng.standard_normal(SHAPE)), variance)
+    data = _data({"a": _grey(1.0 + noise), "half": _grey(1.0 + 0.5 * noise)}, reference)
+    data = replace(data, trim=10.5 / deviation.size)
+    slow = [replace(run, times=run.times * 3) for run in data.runs["half"]]
+    rows = _rows("variance", replace(data, runs={**data.runs, "half": slow}))
+    for label, scale in (("", 1.0), (" x time", 1e3)):
+        row = rows["a", f"relative variance{label}"]
+        assert row.unit == ("ms" if label else "")
+        expected = float(np.mean(deviation**2 / reference.scale**2)) * scale
+        assert row.value.low < expected < row.value.high
+        row = rows["a", f"relative variance{label}, trimmed"]
+        assert row.value.value == pytest.approx(0.09 / 1.01**2 * scale, rel=0.05)
+    ratio = rows["half", "relative variance, trimmed"].ratio
+    assert ratio is not None
+    assert ratio.value == pytest.approx(0.25, rel=0.02)
+    ratio = rows["half", "relative variance x time, trimmed"].ratio
+    assert ratio is not None
+    assert ratio.value == pytest.approx(0.75, rel=0.02)
+
+
+def test_half_of_a_gain_that_comes_exponentially() -> None:
+    """Errors fall to a quarter of the baseline's with 2^(-t/4): half of the gain after 4 frames."""
+    rng = np.random.default_rng(13)
+    t = np.arange(40)
+    noise = rng.standard_normal((4, 40, *SHAPE))
+    gain = np.log(4.0) * (1.0 - 2.0 ** (-t / 4))
+    faster = noise * np.exp(-0.5 * gain)[:, None, None]
+    images = {"base": _grey(1.0 + 0.3 * noise), "learns": _grey(1.0 + 0.3 * faster)}
+    images["worse"] = _grey(1.0 + 0.6 * noise)
+    rows = _rows("cold_start", replace(_data(images, _exact()), settled=False))
+    assert set(rows) == {("learns", "frames until half of the gain")}
+    row = rows["learns", "frames until half of the gain"]
+    assert row.value.value == pytest.approx(5, abs=0.3)
+    assert row.ratio is None
+
+
+def test_averages_are_measured_raw_and_denoised() -> None:
+    pytest.importorskip("mitsuba_oidn")
+    rng = np.random.default_rng(14)
+    data = _data({"a": _grey(1.0 + 0.3 * rng.standard_normal((3, 9, *SHAPE)))}, _exact())
+    rows = _rows("average", data)
+    raw = rows["a", "relMSE of the average, trimmed"].value.value
+    assert raw == pytest.approx(0.01 / 1.01, rel=0.05)
+    assert rows["a", "relMSE of the average after OIDN"].value.value < 0.1 * raw

@@ -1,10 +1,9 @@
 """Learning: one frame's reservoirs make the next frame's guide.
 
-The reservoirs of the fresh candidates, before any reuse, say where light came from (with those after
-temporal reuse the same paths count many times, and the guide is a worse one): at x_1 along the
-direction to x_2, where that is the reconnection vertex, and at x_k along the direction that leaves
-it, unless it was sampled from a light. They count with lum(F W), bounded so that no firefly owns a
-cell.
+The reservoirs of the fresh candidates, before any reuse, say where light came from: at x_1 along
+the direction to x_2, where that is the reconnection vertex, and at x_k along the direction that
+leaves it, unless it was sampled from a light. They count with lum(F W), bounded so that no firefly
+owns a cell. After temporal reuse the same paths would count many times, and the guide be worse.
 """
 
 from __future__ import annotations
@@ -21,8 +20,9 @@ from ..paths.spectrum import target
 from ..paths.vertex import seen_from
 from ..resampling.reservoir import Reservoir
 from .cells import cell_at
-from .guide import LEVELS, NODES, Guide, alpha_at, leaf_of, pdf
-from .share import FORGETTING, cheapest, paid
+from .guide import Guide, alpha_at, leaf_of, pdf
+from .heaps import count, grown, nothing_counted
+from .share import cheapest, nothing_paid, pay, settled
 from .steering import steerable
 
 BOUND = 20.0
@@ -44,13 +44,8 @@ def learn(guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float) -
     shown = target(reservoirs.color) * reservoirs.weight
     mean = dr.mean(shown)
     bound = BOUND * dr.select(guide.mean > 0, guide.mean, mean)
-    value = dr.minimum(shown, bound)
-    learnt = replace(
-        guide,
-        sums=guide.sums if memory == 1 else guide.sums * memory,
-        costs=guide.costs * (FORGETTING * memory),
-        mean=mean,
-    )
+    value = dr.select(bound > 0, dr.minimum(shown / bound, 1), 0)
+    book = Book(nothing_counted(), nothing_paid())
 
     lambdas = dr.zeros(mi.Ray3f).wavelengths
     span = path.vertex.p - hit.vertex.p
@@ -59,17 +54,26 @@ def learn(guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float) -
     k = reconnection_index(path)
     sampled = (kind == Kind.REPLAY_NEE) & (edge_count(path) == 2)
     lesson = Lesson(mi.UInt32(1), direction, value, lit & ~sampled, k == 2)
-    _study(guide, learnt, *camera_ray(hit, lambdas), lesson)
+    _study(guide, book, *camera_ray(hit, lambdas), lesson)
     leaves = lit & ((kind == Kind.FAR) | (kind == Kind.HIT))
     lesson = Lesson(k, path.wo, value, leaves, leaves)
-    _study(guide, learnt, *seen_from(path.vertex, hit.vertex.p, lambdas), lesson)
-    learnt.alpha = cheapest(learnt.costs, learnt.sums)
-    return learnt
+    _study(guide, book, *seen_from(path.vertex, hit.vertex.p, lambdas), lesson)
+    sums = grown(guide.sums, memory, book.counts, bound)
+    costs = settled(guide.costs, memory, book.bills)
+    return replace(guide, sums=sums, costs=costs, alpha=cheapest(costs, sums), mean=mean)
+
+
+@dataclass
+class Book:
+    """What a frame's lessons add up to: ``counts`` of the bins, and ``bills`` of the shares."""
+
+    counts: mi.UInt32
+    bills: mi.UInt64
 
 
 @dataclass
 class Lesson:
-    """Luminance F W that came along a direction to the vertex of this index.
+    """Luminance F W (over the largest that counts) that came along a direction to a vertex.
 
     ``stored``: whether the path's record has the direction; those that are replayed cannot be
     guided, and only cost what the guide takes from them.
@@ -84,7 +88,7 @@ class Lesson:
 
 def _study(
     guide: Guide,
-    learnt: Guide,
+    book: Book,
     ray: mi.Ray3f,
     pi: mi.PreliminaryIntersection3f,
     lesson: Lesson,
@@ -100,12 +104,10 @@ def _study(
     ratio = dr.select(stored, pdf(guide, cell, lesson.direction, stored) / density, 0)
     alpha = alpha_at(guide, cell, lesson.vertex, active)
     cost = dr.square(lesson.value) * (alpha + (1 - alpha) * ratio)
-    paid(learnt.costs, cell, cost, ratio, active)
+    pay(book.bills, cell, cost, ratio, active)
 
-    heap = cell_at(guide.cells, _moved(guide, si), si.n) * NODES
-    leaf = leaf_of(lesson.direction)
-    for level in range(LEVELS + 1):
-        dr.scatter_add(learnt.sums, lesson.value, heap + (leaf >> level), stored)
+    cell = cell_at(guide.cells, _moved(guide, si), si.n)
+    count(book.counts, cell, leaf_of(lesson.direction), lesson.value, stored)
 
 
 def _moved(guide: Guide, si: mi.SurfaceInteraction3f) -> mi.Point3f:

@@ -27,7 +27,13 @@ LEAST = 0.1
 LARGEST = 0.95
 """Largest one where nothing is known, or by throughput: no path goes on for ever."""
 
-REMEMBERED = 0.95
+FINENESS = 2.0**-16
+"""What luminance is counted in, relative to the mean of the candidates (first, to 1)."""
+
+MOST = 2.0**40
+"""Largest number that is counted at once."""
+
+REMEMBERED = 0.9
 """What the past counts with from frame to frame."""
 
 
@@ -117,41 +123,57 @@ class ByThroughput:
 class Expected:
     """What is known of the light that leaves the cells.
 
-    Fields: ``cells``, ``radiance`` (mean luminance, a cell), ``tally`` (a cell's sum and visits).
+    Fields: ``cells``, ``sums`` (a cell's luminance and visits), ``radiance`` (their ratio),
+    ``unit`` (of luminance, in which a frame is counted: sums of integers do not depend on the order
+    of threads).
     """
 
     cells: Cells
+    sums: mi.Float
     radiance: mi.Float
-    tally: mi.Float
+    unit: mi.Float
 
 
 def nothing_expected(scene: mi.Scene) -> Expected:
     """Before the first frame."""
-    tables = dr.zeros(mi.Float, CELLS), dr.zeros(mi.Float, 2 * CELLS)
-    expected = Expected(cells_of(scene), *tables)
+    tables = dr.zeros(mi.Float, 2 * CELLS), dr.zeros(mi.Float, CELLS)
+    expected = Expected(cells_of(scene), *tables, mi.Float(FINENESS))
     dr.make_opaque(expected)
     return expected
 
 
-def faded(expected: Expected, memory: float) -> Expected:
-    """Evaluated, and ready to take note of another frame; ``memory``: less than 1 where it moves."""
-    tally = expected.tally * (REMEMBERED * memory)
-    dr.eval(tally)
-    return replace(expected, tally=tally)
+def nothing_noted() -> mi.UInt64:
+    """A frame's notes: a cell's luminance and visits."""
+    return dr.opaque(mi.UInt64, 0, 2 * CELLS)
 
 
-def updated(expected: Expected) -> Expected:
-    """With the radiances that the tally stands for."""
-    cell = dr.arange(mi.UInt32, CELLS)
-    total, visits = (dr.gather(mi.Float, expected.tally, 2 * cell + i) for i in range(2))
-    return replace(expected, radiance=dr.select(visits > 0, total / visits, 0))
+def updated(expected: Expected, notes: mi.UInt64, candidates: mi.Float, memory: float) -> Expected:
+    """With a frame's notes.
+
+    Parameters
+    ----------
+    candidates : Float
+        Luminances of the frame's candidates, one lane per pixel.
+    memory : float
+        What the past counts with; 1 where nothing moves.
+    """
+    entry, cell = dr.arange(mi.UInt32, 2 * CELLS), dr.arange(mi.UInt32, CELLS)
+    unit = dr.select(entry & 1 == 0, expected.unit, 1)
+    sums = expected.sums * (REMEMBERED * memory) + mi.Float(notes) * unit
+    dr.eval(sums)
+    total, visits = (dr.gather(mi.Float, sums, 2 * cell + i) for i in range(2))
+    radiance = dr.select(visits > 0, total / visits, 0)
+    mean = dr.mean(candidates)
+    unit = dr.select(mean > 0, mean * FINENESS, expected.unit)
+    return replace(expected, sums=sums, radiance=radiance, unit=unit)
 
 
 @dataclass(frozen=True)
 class ByContribution:
-    """By what paths are expected to contribute; takes note of what they find."""
+    """By what paths are expected to contribute; ``notes`` are taken of what they find."""
 
     expected: Expected
+    notes: mi.UInt64
 
     def arrive(
         self,
@@ -165,18 +187,20 @@ class ByContribution:
         expected, surface = self.expected, active & si.is_valid()
         cell = cell_at(expected.cells, si.p, si.n)
         here = dr.gather(mi.Float, expected.radiance, cell, surface)
-        found = outlook.step * (found + here)
-        dr.scatter_add(expected.tally, found, 2 * outlook.cell, active & (vertex > 1))
+        self._note(outlook.step * (found + here), outlook.cell, active & (vertex > 1))
         return Outlook(cell, mi.Float(0), here, dr.select(vertex == 1, here, outlook.own))
 
     def leave(
         self, outlook: Outlook, leaving: Leaving, active: mi.Bool
     ) -> tuple[mi.Float, Outlook]:
         """See :class:`Roulette`."""
-        tally, entry = self.expected.tally, 2 * outlook.cell
-        dr.scatter_add(tally, leaving.sampled, entry, active)
-        dr.scatter_add(tally, 1, entry + 1, active)
+        self._note(leaving.sampled, outlook.cell, active)
+        dr.scatter_add(self.notes, mi.UInt64(1), 2 * outlook.cell + 1, active)
         ratio = leaving.worth * outlook.here / outlook.own
         known = (outlook.here > 0) & (outlook.own > 0) & (leaving.vertex > 1)
         chance = dr.select(known, dr.clip(dr.sqrt(ratio), LEAST, 1), LARGEST)
         return chance, replace(outlook, step=leaving.step / chance)
+
+    def _note(self, value: mi.Float, cell: mi.UInt32, active: mi.Bool) -> None:
+        number = mi.UInt64(dr.minimum(value / self.expected.unit, MOST) + 0.5)
+        dr.scatter_add(self.notes, number, 2 * cell, active & (value > 0))

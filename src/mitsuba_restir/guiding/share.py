@@ -25,14 +25,29 @@ FORGETTING = 0.95
 """What the past counts with from frame to frame: the guide was a worse one."""
 
 
-def paid(
-    costs: mi.Float, cell: mi.UInt32, cost: mi.Float, ratio: mi.Float, active: mi.Bool
+UNIT = 2.0**-16
+"""What is counted in: integers, whose sums do not depend on the order of threads."""
+
+
+def nothing_paid() -> mi.UInt64:
+    """A frame's bills before its first candidate."""
+    return dr.zeros(mi.UInt64, CELLS * COSTS)
+
+
+def pay(
+    bills: mi.UInt64, cell: mi.UInt32, cost: mi.Float, ratio: mi.Float, active: mi.Bool
 ) -> None:
-    """Add candidates to their cells' costs, by w^2 r (``cost``) and g / p (``ratio``)."""
+    """Add candidates to their cells' bills, by w^2 r (``cost``) and g / p (``ratio``)."""
     first = cell * COSTS
-    dr.scatter_add(costs, 1, first, active)
+    dr.scatter_add(bills, mi.UInt64(1 / UNIT), first, active)
     for i, share in enumerate(SHARES):
-        dr.scatter_add(costs, cost / (share + (1 - share) * ratio), first + (i + 1), active)
+        number = mi.UInt64(cost / (share + (1 - share) * ratio) / UNIT + 0.5)
+        dr.scatter_add(bills, number, first + (i + 1), active)
+
+
+def settled(costs: mi.Float, memory: float, bills: mi.UInt64) -> mi.Float:
+    """The costs with a frame's bills."""
+    return costs * (FORGETTING * memory) + mi.Float(bills) * UNIT
 
 
 def cheapest(costs: mi.Float, sums: mi.Float) -> mi.Float:

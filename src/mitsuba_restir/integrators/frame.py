@@ -8,9 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..guiding.guide import Guide, no_guide
-from ..guiding.learn import learn
-from ..guiding.steering import ByBsdf, ByGuide, Steering
+from ..guiding.policy import Learnt, after_frame, nothing_learnt, policy_of
 from ..mutations.chain import Mutated
 from ..mutations.kind import MutationPlan
 from ..mutations.proposals import MoveReconnectionVertex
@@ -44,14 +42,13 @@ FADING = 0.9
 class History:
     """What a frame leaves to the next one, one lane per pixel.
 
-    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it), ``guide`` (None
-    without guiding).
+    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it), ``learnt``.
     """
 
     reservoirs: Reservoir
     hits: PrimaryHit
     colors: ColorHistory | None
-    guide: Guide | None
+    learnt: Learnt
 
 
 @dataclass
@@ -75,13 +72,16 @@ class Beside:
 
     Fields: ``direct`` (light seen directly, and candidates that are not finite), ``alpha``,
     ``refused`` (how many candidates and paths of the history were not finite), ``cut`` (pixels with
-    a path that ends because records have no room for more).
+    a path that ends because records have no room for more), ``lit`` (pixels whose candidates carry
+    light), ``candidates`` (what these alone would show; 0 where that is not asked for).
     """
 
     direct: mi.Color3f
     alpha: mi.Float
     refused: mi.UInt32
     cut: mi.Bool
+    lit: mi.Bool
+    candidates: mi.Color3f
 
 
 @dataclass
@@ -90,7 +90,7 @@ class Sampled:
 
     Fields: ``reservoirs``, ``outcomes`` (of the temporal shifts), ``matched`` (pixels that found
     their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
-    pixel's previous place; None without selection), ``beside``, ``guide`` (the candidates').
+    pixel's previous place; None without selection), ``beside``, ``learnt``.
     """
 
     reservoirs: Reservoir
@@ -99,7 +99,7 @@ class Sampled:
     flow: mi.Vector2f
     colors: ColorHistory | None
     beside: Beside
-    guide: Guide | None
+    learnt: Learnt
 
 
 @dataclass
@@ -170,7 +170,7 @@ def no_history(scene: mi.Scene, pixels: int, parameters: Parameters) -> History:
         dr.gather(Reservoir, empty_reservoir(parameters.mutates), index),
         dr.gather(PrimaryHit, no_primary_hit(), index),
         dr.gather(ColorHistory, no_color_history(), index) if parameters.selects else None,
-        no_guide(scene) if parameters.guiding else None,
+        nothing_learnt(scene, parameters.guiding, parameters.roulette == "contribution"),
     )
     dr.make_opaque(history)
     return history
@@ -191,28 +191,26 @@ def sample_paths(
         Candidate trees per pixel.
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
-    guide = history.guide
-    steering: Steering = ByBsdf()
-    if guide is not None:
-        steering = ByGuide(guide, suffixes=not parameters.retrace_history)
-    candidates = initial(scope, now.hit, spp, steering, parameters.mutates)
+    memory = FADING if parameters.retrace_history else 1.0
+    policy = policy_of(history.learnt, parameters.rr_depth, not parameters.retrace_history)
+    candidates = initial(scope, now.hit, spp, policy, parameters.mutates)
     reservoirs, refused = candidates.reservoirs, candidates.refused
+    direct = now.emitted + refused.color
     beside = Beside(
-        now.emitted + refused.color,
+        direct,
         dr.maximum(now.backdrop, candidates.coverage),
         refused.count,
         candidates.cut if parameters.cuts else mi.Bool(False),
+        reservoirs.weight > 0,
+        direct + reservoir_color(reservoirs) if parameters.shows_candidates else mi.Color3f(0),
     )
     dr.eval(reservoirs, beside)
-    if guide is not None:
-        memory = FADING if parameters.retrace_history else 1.0
-        guide = learn(guide, reservoirs, now.hit, memory)
-        dr.eval(guide)
+    learnt = after_frame(history.learnt, policy, reservoirs, now.hit, memory)
     if not parameters.temporal or camera is None:
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
         colors = _colors_at(history, nowhere)
-        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, beside, guide)
+        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, beside, learnt)
 
     motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
@@ -225,7 +223,7 @@ def sample_paths(
     reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
     colors = _colors_at(history, motion)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside, guide)
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside, learnt)
     dr.eval(sampled)
     return sampled
 
@@ -273,10 +271,12 @@ def share_paths(
 
     color += sampled.beside.direct
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
-    extra = auxiliary(kinds, moved, Shown(now.hit, sampled.flow, reservoirs, past))
-    beside = replace(sampled.beside, refused=dr.sum(sampled.beside.refused))
+    beside = sampled.beside
+    shown = Shown(now.hit, sampled.flow, reservoirs, past, beside.candidates)
+    extra = auxiliary(kinds, moved, shown)
+    beside = replace(beside, refused=dr.sum(beside.refused))
     dr.eval(color, extra, beside)
-    history = History(reservoirs, now.hit, colors, sampled.guide)
+    history = History(reservoirs, now.hit, colors, sampled.learnt)
     return Frame(color, extra, outcomes, sampled.matched, mutated, beside, history)
 
 

@@ -175,6 +175,11 @@ class Parameters:
         return tuple((name, kind or name) for name, _, kind in entries)
 
     @property
+    def shows_candidates(self) -> bool:
+        """Whether an image of the candidates alone is asked for."""
+        return any(kind == "candidates" for _, kind in self.images)
+
+    @property
     def biased(self) -> tuple[str, ...]:
         """What was asked for that biases the image, as ``name=value``."""
         return tuple(

@@ -179,7 +179,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         Returns
         -------
         dict
-            ``matched``: share of pixels that found their history. ``not_finite``: how many
+            ``matched``: share of pixels that found their history. ``light``: share of pixels whose
+            own candidates carry light, before any reuse. ``not_finite``: how many
             candidates, shifts and merges were not finite; none of them gets into a reservoir, and a
             candidate is shown in its own frame as ``path`` would show it. ``cut``: share of pixels
             with a path that ends at 4,095 edges, the most that can be stored, although longer ones
@@ -188,8 +189,11 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             something to shift. ``mutations``: per class of path, its share of the pixels that had
             their turn, the acceptance rate, the shares of the accepted mutations that raise and
             that lower the target function, and the mean accepted change of direction [rad].
-            ``dropped``: share of pixels whose history was dropped before the frame, because shapes
-            that it goes over were given other primitives (left out if there are no such shapes).
+            ``guiding``: the guide as the frame leaves it: the share of its ``cells`` that have seen
+            light, and ``alpha``, the mean probability over the pixels with which a path's first
+            direction still comes from the BSDF. ``dropped``: share of pixels whose history was
+            dropped before the frame, because shapes that it goes over were given other primitives
+            (left out if there are no such shapes).
             ``biased``: parameters that bias the image, if there are any.
         """
         with frame_alone():

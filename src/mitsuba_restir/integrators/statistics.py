@@ -7,6 +7,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..guiding.figures import cells_in_use, mean_share_of_bsdf
 from ..mutations.chain import Mutated
 from ..mutations.pivot import MutationClass
 from ..shifts.mapping import MERGE_REFUSED, Outcome
@@ -19,6 +20,7 @@ def frame_statistics(frame: Frame, parameters: Parameters) -> dict[str, Any]:
     temporal, *rounds = frame.outcomes
     statistics: dict[str, Any] = {
         "matched": float(dr.mean(mi.Float(frame.matched))[0]),
+        "light": float(dr.mean(mi.Float(frame.beside.lit))[0]),
         "not_finite": int(frame.beside.refused[0]) + refused_count(frame.outcomes),
     }
     if cut := float(dr.mean(mi.Float(frame.beside.cut))[0]):
@@ -29,6 +31,12 @@ def frame_statistics(frame: Frame, parameters: Parameters) -> dict[str, Any]:
         statistics[f"spatial_{index}"] = outcome_shares(packed, 1)
     if frame.mutated is not None:
         statistics["mutations"] = mutation_shares(frame.mutated, parameters.mutations)
+    guide = frame.history.learnt.guide
+    if guide is not None:
+        statistics["guiding"] = {
+            "cells": cells_in_use(guide),
+            "alpha": mean_share_of_bsdf(guide, frame.history.hits),
+        }
     if parameters.biased:
         statistics["biased"] = list(parameters.biased)
     return statistics

@@ -1,8 +1,8 @@
 """Initial candidates: path tracing in which every light-carrying sub-path enters one reservoir.
 
-Light sampling and BSDF sampling are combined by the balance heuristic. Where directions come from and
-which paths go on is the business of a policy; both are folded into a candidate's resampling weight,
-never into its integrand, so that replays need not repeat them.
+Light sampling and BSDF sampling are combined by the balance heuristic. Where directions come from
+and which paths go on is the business of a policy; both are folded into a candidate's resampling
+weight, never into its integrand, so that replays need not repeat them.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from ..guiding.roulette import Leaving, Roulette, no_outlook
-from ..guiding.steering import Steering, empty_ledger
+from ..guiding.policy import Policy
+from ..guiding.roulette import Leaving, no_outlook
+from ..guiding.steering import empty_ledger
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Continuation
 from ..paths.scattering import (
@@ -44,14 +45,6 @@ from ..shifts.anchor import Place, no_anchor, onward, record_hit, record_nee
 from ..shifts.connectability import depart_scattered
 from ..shifts.replay import at_primary
 from ..shifts.scope import Scope
-
-
-@dataclass(frozen=True)
-class Policy:
-    """How trees grow: where the directions of bounces come from, and which paths go on."""
-
-    steering: Steering
-    roulette: Roulette
 
 
 @dataclass
@@ -106,9 +99,7 @@ def _trees(
     tree = mi.UInt32(0)
     while dr.hint(tree < spp, exclude=[scope, policy], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
-        streaming, refused, scattered, length = _tree(
-            scope, hit, name, policy, streaming, refused
-        )
+        streaming, refused, scattered, length = _tree(scope, hit, name, policy, streaming, refused)
         covered += dr.select(scattered, mi.Float(1), 0)
         cut |= length == scope.limits.max_depth
         tree += 1

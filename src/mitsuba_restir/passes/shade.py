@@ -20,13 +20,15 @@ class Shown:
     """What a frame ends with, one lane per pixel.
 
     Fields: ``hit``, ``flow`` (previous minus current film position [pixels]), ``reservoirs`` (after
-    spatial reuse), ``past`` (the colour history with the light seen directly).
+    spatial reuse), ``past`` (the colour history with the light seen directly), ``candidates`` (what
+    the frame's candidates alone would show; 0 where no image of them is asked for).
     """
 
     hit: PrimaryHit
     flow: mi.Vector2f
     reservoirs: Reservoir
     past: mi.Color3f
+    candidates: mi.Color3f
 
 
 def _nothing(*_: object) -> list[mi.Float]:
@@ -101,6 +103,11 @@ AOVS = {
         doc="previous minus current film position [pixels]",
     ),
     "confidence": Aov("C", lambda shown: [shown.reservoirs.confidence]),
+    "candidates": Aov(
+        "RGB",
+        lambda shown: shown.candidates,
+        doc="what the frame's own candidates would show without any reuse",
+    ),
     "mutation": Aov(
         ("before", "after", "mixed"),
         moved=mutation_luminances,

@@ -79,6 +79,19 @@ def after_denoising(quantity: Rows) -> Rows:
     return rows
 
 
+def of_averages(quantity: Rows) -> Rows:
+    """Make a quantity of the mean of all measured frames of every run."""
+
+    def rows(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refused]:
+        runs = {
+            name: [replace(run, last=run.mean, load_frames=None) for run in own]
+            for name, own in data.runs.items()
+        }
+        yield from quantity(replace(data, runs=runs), numbers)
+
+    return rows
+
+
 def _denoised(data: Measured, run: Run) -> Run:
     frames = np.stack([denoise(f).astype(np.float32) for f in last_frame_of(data, run)])
     return replace(run, last=frames[-1], load_frames=partial(np.asarray, frames))
@@ -137,9 +150,13 @@ def rmse_clipped(data: Measured, image: Image, reference: ReferenceImage) -> flo
     return float(np.sqrt(max(square - own, 0.0)))
 
 
-def filtered(_: Measured, image: Image, reference: ReferenceImage) -> float:
-    """Mean square of the clipped relative error seen through a Gaussian."""
-    return filtered_mse(image[None], reference)
+def seen_through(sigma: float) -> Rows:
+    """Make a quantity of the clipped relative error seen through a Gaussian of so many pixels."""
+
+    def filtered(_: Measured, image: Image, reference: ReferenceImage) -> float:
+        return filtered_mse(image[None], reference, sigma)
+
+    return of_frames(filtered, partial(noise.filtered, sigma=sigma))
 
 
 def smape(_: Measured, image: Image, reference: ReferenceImage) -> float:
@@ -160,3 +177,11 @@ denoised = after_denoising(
     )
 )
 """RMSE, relMSE and HDR-FLIP: each frame is denoised once and measured three ways."""
+
+averages = of_averages(
+    one_by_one(
+        of_frames(trimmed_relmse, noise.trimmed),
+        after_denoising(of_frames(whole_relmse, noise.relmse)),
+    )
+)
+"""relMSE of the mean of all frames, trimmed, and of all pixels after OIDN."""

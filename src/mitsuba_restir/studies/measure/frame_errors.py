@@ -64,17 +64,17 @@ def reference_noise(
     return np.asarray(level * shape / shape.mean())
 
 
-def filtered_mse(frames: Image, reference: ReferenceImage) -> float:
-    """Mean square of the clipped relative error seen through a Gaussian of 1.5 pixels."""
+def filtered_mse(frames: Image, reference: ReferenceImage, sigma: float = SIGMA) -> float:
+    """Mean square of the clipped relative error seen through a Gaussian of so many pixels."""
     errors = relative_errors(frames, reference, CLIP)
-    return metrics.filtered_mse(errors, SIGMA) - filtered_noise(reference)
+    return metrics.filtered_mse(errors, sigma) - filtered_noise(reference, sigma)
 
 
-def filtered_noise(reference: ReferenceImage) -> float:
+def filtered_noise(reference: ReferenceImage, sigma: float = SIGMA) -> float:
     """Mean square of the reference's own noise, seen through the same Gaussian."""
     noise = reference_noise(reference, CLIP)
     f = spectrum.frequencies(noise.shape)
-    return float(np.mean(noise * np.exp(-((2.0 * np.pi * SIGMA * f) ** 2))))
+    return float(np.mean(noise * np.exp(-((2.0 * np.pi * sigma * f) ** 2))))
 
 
 def chain_spectra(data: Measured, reference: ReferenceImage) -> dict[str, FloatArray]:

@@ -70,11 +70,13 @@ def _relative(image: Image, reference: ReferenceImage, clip: float | None) -> tu
     return float(np.mean(error**2)), float(np.mean(reference_noise(reference, clip)))
 
 
-def filtered(_: Measured, image: Image, reference: ReferenceImage) -> tuple[float, float]:
+def filtered(
+    _: Measured, image: Image, reference: ReferenceImage, sigma: float = SIGMA
+) -> tuple[float, float]:
     """Of the clipped relative error, seen through a Gaussian."""
     error = relative_errors(image[None], reference, CLIP)[0]
-    seen = ndimage.gaussian_filter(error, SIGMA)
-    return float(np.mean(seen**2)), filtered_noise(reference)
+    seen = ndimage.gaussian_filter(error, sigma)
+    return float(np.mean(seen**2)), filtered_noise(reference, sigma)
 
 
 def shares(data: Measured, images: Mapping[str, Iterable[Image]], parts: Parts) -> dict[str, float]:

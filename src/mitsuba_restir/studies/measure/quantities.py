@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from . import biases, correlations, errors, noise, probed, times
+from . import biases, cold_start, correlations, errors, noise, probed, times, variances
 from .errors import of_frames, of_mean, one_by_one
-from .frame_errors import last_frame_of
+from .frame_errors import SIGMA, last_frame_of
 from .results import Measured, Number, Refused, Row, Rows
 
 
@@ -48,6 +48,9 @@ class Quantity:
         """Measure."""
         return self.measure(data, self.numbers)
 
+
+BLOTCHES = (3.0, 8.0)
+"""Of the Gaussians through which nothing but blotches is seen, in pixels."""
 
 _CLIPPED = Number(
     "relative RMSE, clipped",
@@ -103,6 +106,33 @@ QUANTITIES: Mapping[str, Quantity] = {
         of_mean(errors.whole_relmse, noise.relmse),
         [Number("relMSE of the average", heading="relMSE of the average")],
         needs_reference=True,
+    ),
+    "average": Quantity(
+        errors.averages,
+        [
+            Number("relMSE of the average, trimmed"),
+            Number("relMSE of the average after OIDN", chart=True),
+        ],
+        needs_reference=True,
+    ),
+    "variance": Quantity(
+        variances.variances,
+        [
+            Number("relative variance"),
+            Number("relative variance, trimmed", heading="Variance, trimmed", chart=True),
+            Number("relative variance x time", "ms"),
+            Number("relative variance x time, trimmed", "ms", heading="Variance x time, trimmed"),
+        ],
+        needs_reference=True,
+        least_runs=2,
+    ),
+    "cold_start": Quantity(
+        cold_start.half_gains,
+        [Number("frames until half of the gain")],
+        needs_reference=True,
+        cold=True,
+        sequences=True,
+        least_runs=2,
     ),
     "equal_time": Quantity(
         times.equal_time,
@@ -161,6 +191,15 @@ QUANTITIES: Mapping[str, Quantity] = {
         ],
         probe="statistics",
     ),
+    "guiding": Quantity(
+        probed.of_probe("statistics", compared=True),
+        [
+            Number("light", heading="Candidates with light", better="more"),
+            Number("guiding: cells", better=""),
+            Number("guiding: alpha", better=""),
+        ],
+        probe="statistics",
+    ),
     "statistics": Quantity(probed.of_probe("statistics"), probe="statistics"),
     "mutation_spectra": Quantity(
         probed.mutation_spectra, needs_reference=True, probe="mutation_spectra"
@@ -182,8 +221,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         least_runs=2,
     ),
     "filtered_mse": Quantity(
-        of_frames(errors.filtered, noise.filtered),
+        errors.seen_through(SIGMA),
         [Number("filtered MSE, 1.5 px", heading="Filtered MSE", chart=True)],
+        needs_reference=True,
+    ),
+    "blotches": Quantity(
+        one_by_one(*map(errors.seen_through, BLOTCHES)),
+        [Number(f"filtered MSE, {sigma:g} px") for sigma in BLOTCHES],
         needs_reference=True,
     ),
     "smape": Quantity(
