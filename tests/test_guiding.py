@@ -24,39 +24,36 @@ from test_unbiased import ROOM, ZOO, check
 from mitsuba_restir.guiding import guide as guides
 from mitsuba_restir.guiding import policy, share
 from mitsuba_restir.guiding.cells import CELLS, Cells
-from mitsuba_restir.guiding.guide import LEVELS, NODES, Guide, no_guide
+from mitsuba_restir.guiding.guide import LEVELS, Guide, no_guide
 from mitsuba_restir.guiding.roulette import Expected, nothing_expected
 from mitsuba_restir.sampling.streams import FrameKey, Purpose
 
 
-def heaps(leaves: np.ndarray) -> np.ndarray:
-    """Sums of the heaps with these leaves (cells, 2^LEVELS)."""
-    nodes = np.zeros((len(leaves), NODES), np.float32)
-    nodes[:, NODES // 2 :] = leaves
-    for level in range(LEVELS - 1, -1, -1):
-        first = 1 << level
-        pairs = nodes[:, 2 * first : 4 * first].reshape(len(leaves), first, 2)
-        nodes[:, first : 2 * first] = pairs.sum(axis=-1)
-    return nodes.ravel()
+def tree(leaves: np.ndarray) -> list[np.ndarray]:
+    """Sums of the trees with these leaves (cells, 2^LEVELS)."""
+    levels = [leaves.astype(np.float32).ravel()]
+    for _ in range(LEVELS):
+        levels.insert(0, levels[0].reshape(-1, 2).sum(axis=-1))
+    return levels
 
 
 @functools.cache
-def hostile() -> np.ndarray:
+def hostile() -> list[np.ndarray]:
     """Random lobes over a half of the sphere, another one in every cell; a quarter is empty."""
     rng = np.random.default_rng(5)
     leaves = rng.exponential(size=(CELLS, 1 << LEVELS)) ** 3
     halves = leaves.reshape(CELLS, 2, -1)
     halves[np.arange(CELLS), rng.integers(2, size=CELLS)] = 0
     leaves[rng.random(CELLS) < 0.25] = 0
-    return heaps(leaves)
+    return tree(leaves)
 
 
 def adversary(scene: mi.Scene) -> Guide:
     """A guide that has learnt nothing of the scene."""
     sums = hostile()
     share = np.random.default_rng(6).uniform(0.2, 0.9, CELLS)
-    alpha = np.where(sums.reshape(CELLS, NODES)[:, 1] > 0, share, 1)
-    return replace(no_guide(scene), sums=mi.Float(sums), alpha=mi.Float(alpha))
+    alpha = np.where(sums[0] > 0, share, 1)
+    return replace(no_guide(scene), sums=[mi.Float(level) for level in sums], alpha=mi.Float(alpha))
 
 
 @pytest.fixture
@@ -76,35 +73,33 @@ def test_samples_follow_the_density(rgb):
     leaves[3] = rng.exponential(size=1 << LEVELS) ** 2
     leaves[3, rng.random(1 << LEVELS) < 0.5] = 0
     cells = Cells(mi.Point3f(0), mi.Float(1))
-    guide = Guide(cells, mi.Float(heaps(leaves)), mi.Float(1), mi.Float(0), mi.Float(0))
+    sums = [mi.Float(level) for level in tree(leaves)]
+    guide = Guide(cells, sums, mi.Float(1), mi.Float(0), mi.Float(0))
     n = 1 << 20
     lane, all_lanes = dr.arange(mi.UInt32, n), dr.full(mi.Bool, True, n)
     cell = mi.UInt32(3) + 0 * lane
     random = FrameKey(mi.UInt32(1), mi.UInt32(2)).stream(Purpose.INITIAL, lane)
     direction = guides.sample(guide, cell, random, mi.UInt32(1), all_lanes)
     np.testing.assert_allclose(np.array(dr.norm(direction)), 1, atol=1e-5)
-    found = np.bincount(np.array(guides.leaf_of(direction)) - (1 << LEVELS), minlength=1 << LEVELS)
+    found = np.bincount(np.array(guides.leaf_of(direction)), minlength=1 << LEVELS)
     density = np.array(guides.pdf(guide, cell, direction, all_lanes))
     share = leaves[3] / leaves[3].sum()
     wanted = (1 - guides.UNIFORM) * share + guides.UNIFORM / (1 << LEVELS)
     assert stats.chisquare(found, wanted * n).pvalue > 1e-4
-    number = np.array(guides.leaf_of(direction)) - (1 << LEVELS)
+    number = np.array(guides.leaf_of(direction))
     np.testing.assert_allclose(density, (wanted * (1 << LEVELS) / (4 * np.pi))[number], rtol=1e-4)
 
 
 def test_what_is_learnt_adds_up(rgb):
-    """Every heap's nodes are the sums of their children, and the guide knows what was found."""
+    """All sums are those of their children, and the guide knows what was found."""
     scene = references.CASES["room"].load()
     renderer = integrator(5, MODES["both"], guiding=True)
     for i in range(8):
         renderer.render(scene, seed=i, spp=1)
-    nodes = np.array(renderer._history.learnt.guide.sums).reshape(CELLS, NODES)
-    known = nodes[nodes[:, 1] > 0]
-    assert 20 < len(known) < CELLS
-    inner = np.arange(1, NODES // 2)
-    np.testing.assert_allclose(
-        known[:, inner], known[:, 2 * inner] + known[:, 2 * inner + 1], rtol=1e-4, atol=1e-6
-    )
+    sums = [np.array(level) for level in renderer._history.learnt.guide.sums]
+    assert 20 < np.count_nonzero(sums[0]) < CELLS
+    for level, found in zip(sums, tree(sums[-1]), strict=True):
+        np.testing.assert_allclose(level, found, rtol=1e-4)
 
 
 @pytest.mark.parametrize("light", [0.02, 0.3, 0.9])
@@ -118,9 +113,7 @@ def test_the_share_is_the_cheapest(rgb, light):
     bills, cell = share.nothing_paid(), dr.full(mi.UInt32, 7, len(drawn))
     share.pay(bills, cell, cost, mi.Float((g / p)[drawn]), mi.Bool(True))
     costs = share.settled(dr.zeros(mi.Float, CELLS * guides.COSTS), 1.0, bills)
-    sums = np.zeros((CELLS, NODES), np.float32)
-    sums[7, 1] = 1
-    alpha = np.array(share.cheapest(costs, mi.Float(sums.ravel())))
+    alpha = np.array(share.cheapest(costs, dr.arange(mi.UInt32, CELLS) == 7))
     moments = [np.sum(f**2 / (a * p + (1 - a) * g)) for a in share.SHARES]
     assert alpha[7] == np.float32(share.SHARES[np.argmin(moments)])
     assert (np.delete(alpha, 7) == 1).all()
@@ -130,7 +123,7 @@ def test_a_cell_that_has_seen_little_trusts_the_bsdf(rgb):
     bills = share.nothing_paid()
     share.pay(bills, mi.UInt32(7), mi.Float(1), mi.Float(2), mi.Bool(True))
     costs = share.settled(dr.zeros(mi.Float, CELLS * guides.COSTS), 1.0, bills)
-    assert (np.array(share.cheapest(costs, dr.full(mi.Float, 1, CELLS * NODES))) == 1).all()
+    assert (np.array(share.cheapest(costs, mi.Bool(True))) == 1).all()
 
 
 def test_reset_forgets_the_guide(rgb):

@@ -16,7 +16,7 @@ from support.runs import integrator
 from mitsuba_restir import scenes
 from mitsuba_restir.guiding import figures
 from mitsuba_restir.guiding.cells import CELLS
-from mitsuba_restir.guiding.guide import NODES, no_guide
+from mitsuba_restir.guiding.guide import no_guide
 from mitsuba_restir.guiding.share import SHARES
 
 
@@ -71,11 +71,11 @@ def test_figures_of_a_guide_that_is_known(rgb):
     hit, nothing = renderer._history.hits, no_guide(scene)
     assert figures.cells_in_use(nothing) == 0
     assert figures.mean_share_of_bsdf(nothing, hit) == 1
-    sums = np.zeros((CELLS, NODES), np.float32)
-    sums[::4] = 1
-    assert figures.cells_in_use(replace(nothing, sums=mi.Float(sums.ravel()))) == 0.25
+    roots = np.zeros(CELLS, np.float32)
+    roots[::4] = 1
+    assert figures.cells_in_use(replace(nothing, sums=[mi.Float(roots)])) == 0.25
     everywhere = replace(
-        nothing, sums=dr.ones(mi.Float, CELLS * NODES), alpha=dr.full(mi.Float, 0.7, CELLS)
+        nothing, sums=[dr.ones(mi.Float, CELLS)], alpha=dr.full(mi.Float, 0.7, CELLS)
     )
     assert figures.cells_in_use(everywhere) == 1
     assert figures.mean_share_of_bsdf(everywhere, hit) == pytest.approx(0.7)

@@ -6,15 +6,14 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
-from .cells import CELLS, cell_at
-from .guide import NODES, Guide, alpha_at
+from .cells import cell_at
+from .guide import Guide, alpha_at
 from .steering import steerable
 
 
 def cells_in_use(guide: Guide) -> float:
     """Share of the table's cells that have seen light."""
-    found = dr.gather(mi.Float, guide.sums, NODES * dr.arange(mi.UInt32, CELLS) + 1) > 0
-    return float(dr.mean(mi.Float(found))[0])
+    return float(dr.mean(mi.Float(guide.sums[0] > 0))[0])
 
 
 def mean_share_of_bsdf(guide: Guide, hit: PrimaryHit) -> float:

@@ -1,9 +1,8 @@
 """The guide: a distribution of directions for every cell of space, to look up, sample and evaluate.
 
 A cell's distribution is piecewise constant over equal areas of the sphere (bins of cos theta and
-phi), mixed with a uniform share. Its bins are the leaves of a binary heap of sums, so that a draw
-takes one look-up a level, and a new sample adds to one node a level. A share of a cell's directions
-still comes from the BSDF.
+phi), mixed with a uniform share. Its bins are the leaves of a binary tree of sums, so that a draw
+takes one look-up a level. A share of a cell's directions still comes from the BSDF.
 """
 
 from __future__ import annotations
@@ -18,9 +17,6 @@ from .cells import CELLS, Cells, cells_of
 
 Z_BITS, PHI_BITS = 4, 4
 LEVELS = Z_BITS + PHI_BITS
-NODES = 2 << LEVELS
-"""Nodes of a heap: the root is node 1, the children of n are 2n and 2n + 1."""
-
 DEEP, DEEP_ALPHA = 3, 0.7
 """From this vertex on at least this share comes from the BSDF: a path's factors multiply."""
 
@@ -35,14 +31,15 @@ UNIFORM = 0.1
 class Guide:
     """What is known of where light comes from.
 
-    Fields: ``cells``, ``sums`` (the heaps, cell after cell), ``alpha`` (of every cell: the share of
+    Fields: ``cells``, ``sums`` (the trees, see
+    :mod:`mitsuba_restir.guiding.trees`), ``alpha`` (of every cell: the share of
     directions that come from the BSDF; 1 where nothing has been seen), ``costs`` and ``mean`` (what
     only the learning needs: see :mod:`mitsuba_restir.guiding.share`, and the mean luminance that
     the last frame learnt from).
     """
 
     cells: Cells
-    sums: mi.Float
+    sums: list[mi.Float]
     alpha: mi.Float
     costs: mi.Float
     mean: mi.Float
@@ -52,7 +49,7 @@ def no_guide(scene: mi.Scene) -> Guide:
     """A guide that has seen nothing, for the extent of a scene."""
     guide = Guide(
         cells_of(scene),
-        dr.zeros(mi.Float, CELLS * NODES),
+        [dr.zeros(mi.Float, CELLS << level) for level in range(LEVELS + 1)],
         dr.full(mi.Float, 1, CELLS),
         dr.zeros(mi.Float, CELLS * COSTS),
         mi.Float(0),
@@ -69,19 +66,18 @@ def alpha_at(guide: Guide, cell: mi.UInt32, vertex: mi.UInt32 | int, active: mi.
 
 
 def leaf_of(direction: mi.Vector3f) -> mi.UInt32:
-    """The leaf of a heap that a world-space direction falls into."""
+    """The bin that a world-space direction falls into."""
     z = dr.clip(0.5 * direction.z + 0.5, 0, 1 - 2.0**-24)
     phi = dr.atan2(direction.y, direction.x) * dr.inv_two_pi
     phi = dr.minimum(phi - dr.floor(phi), 1 - 2.0**-24)
     row, column = mi.UInt32(z * (1 << Z_BITS)), mi.UInt32(phi * (1 << PHI_BITS))
-    return (1 << LEVELS) | (row << PHI_BITS) | column
+    return (row << PHI_BITS) | column
 
 
 def pdf(guide: Guide, cell: mi.UInt32, direction: mi.Vector3f, active: mi.Bool) -> mi.Float:
     """Density [1/sr] of a direction in a known cell."""
-    heap = cell * NODES
-    leaf = dr.gather(mi.Float, guide.sums, heap + leaf_of(direction), active)
-    total = dr.gather(mi.Float, guide.sums, heap + 1, active)
+    leaf = dr.gather(mi.Float, guide.sums[-1], (cell << LEVELS) | leaf_of(direction), active)
+    total = dr.gather(mi.Float, guide.sums[0], cell, active)
     share = dr.select(total > 0, leaf / total, 0)
     return ((1 - UNIFORM) * (1 << LEVELS) * share + UNIFORM) * dr.inv_four_pi
 
@@ -92,11 +88,10 @@ def sample(
     """A direction of a known cell, by the blocks 0 and 1 of a vertex of a stream."""
     descent, spread = uniform2(random, vertex, 0)
     a, b = uniform2(random, vertex, 1)
-    heap, node = cell * NODES, mi.UInt32(1)
-    total = dr.gather(mi.Float, guide.sums, heap + 1, active)
-    rest = descent * total
-    for _ in range(LEVELS):
-        left = dr.gather(mi.Float, guide.sums, heap + 2 * node, active)
+    total = dr.gather(mi.Float, guide.sums[0], cell, active)
+    rest, node = descent * total, mi.UInt32(cell)
+    for level in guide.sums[1:]:
+        left = dr.gather(mi.Float, level, 2 * node, active)
         right = rest >= left
         rest = dr.select(right, rest - left, rest)
         node = 2 * node + dr.select(right, mi.UInt32(1), 0)

@@ -21,9 +21,9 @@ from ..paths.vertex import seen_from
 from ..resampling.reservoir import Reservoir
 from .cells import cell_at
 from .guide import Guide, alpha_at, leaf_of, pdf
-from .heaps import count, grown, nothing_counted
 from .share import cheapest, nothing_paid, pay, settled
 from .steering import steerable
+from .trees import count, grown, nothing_counted
 
 BOUND = 20.0
 """Largest luminance that counts, relative to the mean of the frame before."""
@@ -60,7 +60,7 @@ def learn(guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float) -
     _study(guide, book, *seen_from(path.vertex, hit.vertex.p, lambdas), lesson)
     sums = grown(guide.sums, memory, book.counts, bound)
     costs = settled(guide.costs, memory, book.bills)
-    return replace(guide, sums=sums, costs=costs, alpha=cheapest(costs, sums), mean=mean)
+    return replace(guide, sums=sums, costs=costs, alpha=cheapest(costs, sums[0] > 0), mean=mean)
 
 
 @dataclass

@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 
 from .cells import CELLS
-from .guide import COSTS, NODES
+from .guide import COSTS
 
 SHARES = (1.0, 0.85, 0.7, 0.5, 0.3)
 """Shares of the BSDF that are compared."""
@@ -50,8 +50,8 @@ def settled(costs: mi.Float, memory: float, bills: mi.UInt64) -> mi.Float:
     return costs * (FORGETTING * memory) + mi.Float(bills) * UNIT
 
 
-def cheapest(costs: mi.Float, sums: mi.Float) -> mi.Float:
-    """The share of the BSDF of every cell; 1 where the guide knows nothing."""
+def cheapest(costs: mi.Float, known: mi.Bool) -> mi.Float:
+    """The share of the BSDF of every cell; 1 where the guide is not ``known`` to be of use."""
     cell = dr.arange(mi.UInt32, CELLS)
     count, *totals = (dr.gather(mi.Float, costs, cell * COSTS + i) for i in range(COSTS))
     made_up = MADE_UP * totals[0] / count
@@ -60,7 +60,6 @@ def cheapest(costs: mi.Float, sums: mi.Float) -> mi.Float:
         cost = total + made_up / share
         better = cost < best
         best, alpha = dr.select(better, cost, best), dr.select(better, share, alpha)
-    known = dr.gather(mi.Float, sums, cell * NODES + 1) > 0
     return dr.select(known, alpha, 1)
 
 
