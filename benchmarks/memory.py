@@ -34,10 +34,10 @@ def measure(task: Task) -> dict[str, float]:
         history = renderer.history()
         found["reservoir"] = _bytes(history.reservoirs) / task.pixels
         found["path record"] = _bytes(history.reservoirs.path) / task.pixels
-        of_pixels = dataclasses.replace(history, guide=None)
-        found["reservoir and primary hit"] = _bytes(of_pixels) / task.pixels
-        if history.learnt.guide is not None:
-            found["guide"] = float(_bytes(history.learnt.guide))
+        learnt = _bytes(history.learnt)
+        found["reservoir and primary hit"] = (_bytes(history) - learnt) / task.pixels
+        if learnt:
+            found["guide"] = float(learnt)
     return found
 
 

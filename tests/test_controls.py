@@ -154,7 +154,7 @@ CONTROLS = {
     "roulette": Control(
         (
             Mutation(
-                "survival *= dr.select(roulette, chance, 1)",
+                "survival *= chance",
                 "survival = mi.Float(survival)",
             ),
         ),

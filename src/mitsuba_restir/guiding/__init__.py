@@ -1,1 +1,1 @@
-"""Guided candidates: where earlier frames found light, by cells of space, and its learning."""
+"""How path trees grow: directions and roulette by what earlier frames found, and its learning."""

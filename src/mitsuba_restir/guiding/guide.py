@@ -17,6 +17,7 @@ from .cells import CELLS, Cells, cells_of
 
 Z_BITS, PHI_BITS = 4, 4
 LEVELS = Z_BITS + PHI_BITS
+
 DEEP, DEEP_ALPHA = 3, 0.7
 """From this vertex on at least this share comes from the BSDF: a path's factors multiply."""
 
@@ -31,11 +32,10 @@ UNIFORM = 0.1
 class Guide:
     """What is known of where light comes from.
 
-    Fields: ``cells``, ``sums`` (the trees, see
-    :mod:`mitsuba_restir.guiding.trees`), ``alpha`` (of every cell: the share of
-    directions that come from the BSDF; 1 where nothing has been seen), ``costs`` and ``mean`` (what
-    only the learning needs: see :mod:`mitsuba_restir.guiding.share`, and the mean luminance that
-    the last frame learnt from).
+    Fields: ``cells``, ``sums`` (see :mod:`mitsuba_restir.guiding.trees`), ``alpha`` (of every cell:
+    the share of directions that come from the BSDF; 1 where nothing has been seen), ``costs`` and
+    ``mean`` (what only the learning needs: see :mod:`mitsuba_restir.guiding.share`, and the mean
+    luminance that the last frame learnt from).
     """
 
     cells: Cells

@@ -197,8 +197,9 @@ class ByContribution:
         self._note(leaving.sampled, outlook.cell, active)
         dr.scatter_add(self.notes, mi.UInt64(1), 2 * outlook.cell + 1, active)
         ratio = leaving.worth * outlook.here / outlook.own
-        known = (outlook.here > 0) & (outlook.own > 0) & (leaving.vertex > 1)
+        known = (outlook.here > 0) & (outlook.own > 0)
         chance = dr.select(known, dr.clip(dr.sqrt(ratio), LEAST, 1), LARGEST)
+        chance = dr.select(leaving.vertex == 1, 1, chance)
         return chance, replace(outlook, step=leaving.step / chance)
 
     def _note(self, value: mi.Float, cell: mi.UInt32, active: mi.Bool) -> None:

@@ -24,7 +24,6 @@ MADE_UP = 4.0
 FORGETTING = 0.95
 """What the past counts with from frame to frame: the guide was a worse one."""
 
-
 UNIT = 2.0**-16
 """What is counted in: integers, whose sums do not depend on the order of threads."""
 
