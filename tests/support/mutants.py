@@ -28,7 +28,6 @@ _PACKAGES = (
     "neighbors",
     "mutations",
     "guiding",
-    "guiding",
     "passes",
 )
 

@@ -18,6 +18,10 @@ CELLS = 1 << 12
 GRID = 24
 """Cells along the longest side of the scene."""
 
+UNIT = 2.0**-16
+"""What a frame is counted in: integers, whose sums do not depend on the order of threads. Relative
+to the largest value that counts, or to a mean."""
+
 
 @dataclass
 class Cells:

@@ -19,16 +19,13 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from .cells import CELLS, Cells, cell_at, cells_of
+from .cells import CELLS, UNIT, Cells, cell_at, cells_of
 
 LEAST = 0.1
 """Smallest probability to go on."""
 
 LARGEST = 0.95
 """Largest one where nothing is known, or by throughput: no path goes on for ever."""
-
-FINENESS = 2.0**-16
-"""What luminance is counted in, relative to the mean of the candidates (first, to 1)."""
 
 MOST = 2.0**40
 """Largest number that is counted at once."""
@@ -124,8 +121,8 @@ class Expected:
     """What is known of the light that leaves the cells.
 
     Fields: ``cells``, ``sums`` (a cell's luminance and visits), ``radiance`` (their ratio),
-    ``unit`` (of luminance, in which a frame is counted: sums of integers do not depend on the order
-    of threads).
+    ``unit`` (of luminance, in which a frame is counted: :data:`.cells.UNIT` times the mean of the
+    candidates, first times 1).
     """
 
     cells: Cells
@@ -137,7 +134,7 @@ class Expected:
 def nothing_expected(scene: mi.Scene) -> Expected:
     """Before the first frame."""
     tables = dr.zeros(mi.Float, 2 * CELLS), dr.zeros(mi.Float, CELLS)
-    expected = Expected(cells_of(scene), *tables, mi.Float(FINENESS))
+    expected = Expected(cells_of(scene), *tables, mi.Float(UNIT))
     dr.make_opaque(expected)
     return expected
 
@@ -164,7 +161,7 @@ def updated(expected: Expected, notes: mi.UInt64, candidates: mi.Float, memory: 
     total, visits = (dr.gather(mi.Float, sums, 2 * cell + i) for i in range(2))
     radiance = dr.select(visits > 0, total / visits, 0)
     mean = dr.mean(candidates)
-    unit = dr.select(mean > 0, mean * FINENESS, expected.unit)
+    unit = dr.select(mean > 0, mean * UNIT, expected.unit)
     return replace(expected, sums=sums, radiance=radiance, unit=unit)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from .cells import CELLS
+from .cells import CELLS, UNIT
 from .guide import COSTS
 
 SHARES = (1.0, 0.85, 0.7, 0.5, 0.3)
@@ -23,9 +23,6 @@ MADE_UP = 4.0
 
 FORGETTING = 0.95
 """What the past counts with from frame to frame: the guide was a worse one."""
-
-UNIT = 2.0**-16
-"""What is counted in: integers, whose sums do not depend on the order of threads."""
 
 
 def nothing_paid() -> mi.UInt64:

@@ -10,11 +10,8 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from .cells import CELLS
+from .cells import CELLS, UNIT
 from .guide import LEVELS
-
-UNIT = 2.0**-16
-"""What an integer counts, relative to the largest value that is added."""
 
 
 def nothing_counted() -> mi.UInt32:
@@ -41,7 +38,7 @@ def grown(
     memory : float
         What they count with.
     counts : UInt32
-        Of the bins, in units of ``largest`` times :data:`UNIT`.
+        Of the bins, in units of ``largest`` times :data:`.cells.UNIT`.
     """
     levels = [sums[-1] * memory + mi.Float(counts) * (largest * UNIT)]
     for level in range(LEVELS - 1, -1, -1):

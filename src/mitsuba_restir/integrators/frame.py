@@ -192,7 +192,7 @@ def sample_paths(
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
     memory = FADING if parameters.retrace_history else 1.0
-    policy = policy_of(history.learnt, parameters.rr_depth, not parameters.retrace_history)
+    policy = policy_of(history.learnt, plan.limits.rr_depth, not parameters.retrace_history)
     candidates = initial(scope, now.hit, spp, policy, parameters.mutates)
     reservoirs, refused = candidates.reservoirs, candidates.refused
     direct = now.emitted + refused.color
