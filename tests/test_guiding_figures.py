@@ -15,7 +15,7 @@ from support.runs import integrator
 
 from mitsuba_restir import scenes
 from mitsuba_restir.guiding import figures
-from mitsuba_restir.guiding.cells import CELLS
+from mitsuba_restir.guiding.cells import CELLS, cells_of
 from mitsuba_restir.guiding.guide import no_guide
 from mitsuba_restir.guiding.share import SHARES
 
@@ -67,8 +67,8 @@ def test_a_guide_finds_more_light(rgb):
 def test_figures_of_a_guide_that_is_known(rgb):
     """A quarter of the table, then all of it; the room is diffuse, so that all of it is guided."""
     _, renderer = rendered(1)
-    history, nothing = renderer._history, no_guide()
-    cells, hit = history.learnt.cells, history.hits
+    hit, nothing = renderer._history.hits, no_guide()
+    cells = cells_of(references.CASES["room"].load())
     assert figures.cells_in_use(nothing) == 0
     assert figures.mean_share_of_bsdf(cells, nothing, hit) == 1
     roots = np.zeros(CELLS, np.float32)
