@@ -16,8 +16,11 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "mitsuba_restir"
 Sources = dict[PurePosixPath, str]
 """Text of each module, by its path in the package."""
 
-COMMON = ("errors", "imageio", "cache")
+COMMON = ("errors", "imageio", "cache", "arrays")
 """Modules that all rooms may import."""
+
+FACTS = ("llvm", "camera_path", "scene_files")
+"""Modules that all rooms above the core may import."""
 
 CORE = (
     "sampling",
@@ -45,13 +48,15 @@ BELOW: dict[str, tuple[str, ...]] = {
     "errors": (),
     "imageio": ("errors",),
     "cache": ("errors",),
+    "arrays": ("errors", "imageio"),
     "llvm": (),
     "camera_path": COMMON,
+    "scene_files": (*COMMON, "scenes"),
     **dict.fromkeys(BESIDE, COMMON),
     **{room: (*COMMON, *CORE[:i]) for i, room in enumerate(CORE)},
     "__init__": ("errors", "llvm", "integrators"),
     **{
-        room: ("__init__", *COMMON, "llvm", "camera_path", *BESIDE, *CORE, *ABOVE[:i])
+        room: ("__init__", *COMMON, *FACTS, *BESIDE, *CORE, *ABOVE[:i])
         for i, room in enumerate(ABOVE)
     },
     "__main__": ("cli",),
