@@ -66,6 +66,9 @@ BELOW: dict[str, tuple[str, ...]] = {
 MOST_LINES = 300
 MOST_PARAMETERS = 6
 
+PUBLIC = (("still/driver.py", "render"),)
+"""Functions whose parameters are those that users were promised."""
+
 
 @pytest.fixture(scope="module")
 def sources() -> Sources:
@@ -133,7 +136,8 @@ def _inside(path: PurePosixPath, name: str) -> bool:
 
 
 def core_of(sources: Sources) -> Sources:
-    return {path: text for path, text in sources.items() if path.parts[0] in CORE}
+    """The core, and what is built as strictly as it."""
+    return {path: text for path, text in sources.items() if path.parts[0] in (*CORE, "still")}
 
 
 def long_modules(sources: Sources) -> Iterator[str]:
@@ -153,7 +157,7 @@ def crowded_functions(sources: Sources) -> Iterator[str]:
             id(node) for c in ast.walk(tree) if isinstance(c, ast.ClassDef) for node in c.body
         }
         for node in ast.walk(tree):
-            if not isinstance(node, ast.FunctionDef):
+            if not isinstance(node, ast.FunctionDef) or (str(path), node.name) in PUBLIC:
                 continue
             a = node.args
             names = [
@@ -231,6 +235,10 @@ def test_control_imports(path, text):
 @pytest.mark.parametrize(
     ("path", "text"),
     [
+        (
+            "still/driver.py",
+            "from ..scene_files import digest\nfrom ..integrators.state import State",
+        ),
         ("shifts/hybrid.py", "from .replay import replay\nfrom ..paths.record import Kind"),
         ("passes/shade.py", "from ..mutations.chain import Mutated\nimport mitsuba as mi"),
         ("integrators/__init__.py", "from . import restir_pt"),

@@ -63,6 +63,11 @@ def denoise_guided(colour: Image, albedo: Image, normal: Image) -> Image:
     return np.array(result, dtype=np.float32)
 
 
+def require() -> None:
+    """Raise ImportError, with what to install, where the denoiser is not installed."""
+    _oidn()
+
+
 def _oidn() -> Any:
     try:
         import mitsuba_oidn

@@ -208,13 +208,13 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     def state(self) -> State:
         """What later frames depend on, where they reuse no earlier ones: see :mod:`.state`."""
         with frame_alone():
-            assert self._history is not None and not self.parameters.temporal
+            assert self._history is not None
             return State(self._sample, self._turn, self._history.learnt)
 
     def take_up(self, state: State) -> None:
         """Go on from a state after :meth:`prepare`."""
         with frame_alone():
-            assert self._history is not None and not self.parameters.temporal
+            assert self._history is not None
             self._sample, self._turn = state.sample, state.turn
             self._history = replace(self._history, learnt=state.learnt)
 
