@@ -61,9 +61,9 @@ def goal_of(error: float | None, seconds: float | None, frames: int | None) -> G
     return Goal(error, seconds, frames) if named else Goal(error=ERROR)
 
 
-def decides(frames: int) -> bool:
+def next_decision(frames: float) -> int:
     """
-    Whether at this number of frames is decided what those after it depend on.
+    The first number of frames from ``frames`` on at which is decided what those after it depend on.
 
     The numbers grow by a quarter: 4, 5, 7, 9, 12, 15, 19, ... To stop as soon as an estimate of the
     error is small favours pictures whose error is underestimated, and the fewer looks, the less.
@@ -71,4 +71,9 @@ def decides(frames: int) -> bool:
     point = FIRST
     while point < frames:
         point = math.ceil(point * GROWTH)
-    return point == frames
+    return point
+
+
+def decides(frames: int) -> bool:
+    """Whether it is decided at this number of frames."""
+    return next_decision(frames) == frames

@@ -18,7 +18,7 @@ from ..integrators.state import State
 from . import accumulate
 from .accumulate import Layout, Size, Sums
 from .error import UNKNOWN, Stated, stated
-from .goal import DARK, LEAST, Goal, decides
+from .goal import DARK, LEAST, Goal, decides, next_decision
 from .mix import mixture
 from .picture import Progress, Still
 from .plan import Plan
@@ -206,15 +206,17 @@ class Growth:
         error = now.known.error * since if now.decided else math.inf
         untrimmed = now.known.untrimmed * since if now.decided else math.inf
         left: float | None = None
-        if goal.frames is not None:
+        if goal.seconds is not None:
+            left = max(goal.seconds - seconds, 0.0)
+        elif goal.frames is not None:
             left = (goal.frames - now.frames) * pace
-        elif goal.seconds is not None:
-            left = goal.seconds - seconds
-        elif goal.error is not None and math.isfinite(error):
-            left = now.frames * ((error / goal.error) ** 2 - 1.0) * pace
-        return Progress(
-            now.frames, error, untrimmed, seconds, None if left is None else max(left, 0.0)
-        )
+        elif goal.error is not None:
+            ratio = now.known.error / goal.error
+            needed = now.decided * ratio * ratio
+            if math.isfinite(needed):
+                # It may stop at this decision, or at one to come.
+                left = (next_decision(max(needed, now.frames)) - now.frames) * pace
+        return Progress(now.frames, error, untrimmed, seconds, left)
 
 
 def _remark(lit: bool, image: Image, known: Stated) -> str:
