@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from ..still.checkpoint import save
 from ..still.growth import Growth
 from ..still.picture import Still
 from . import output
+from .notes import say
 from .writer import DENOISED
 
 SUFFIX = ".checkpoint"
@@ -74,7 +74,7 @@ class StillFiles:
             save(self.checkpoint, self.label, growth)
             self.kept = frames
         except RenderError as error:
-            warnings.warn(f"{error}; there is no checkpoint of these frames", stacklevel=2)
+            say(f"{error}; there is no checkpoint of these frames")
         self._last = time.perf_counter()
 
     def write(self, still: Still) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import socket
-import warnings
 from types import TracebackType
 from typing import Any
 
 from ..errors import one_line
 from ..imageio import RGB, Image
+from .notes import say
 
 PORT = 14158
 """Where tev listens unless told otherwise."""
@@ -42,16 +42,16 @@ class Tev:
         if self._place is None:
             return self
         if importlib.util.find_spec("tevclient") is None:
-            warnings.warn("--tev needs pip install 'mitsuba-restir[tev]'", stacklevel=2)
+            say("--tev needs pip install 'mitsuba-restir[tev]'; rendering goes on")
             return self
         import tevclient
 
-        ipc = tevclient.Ipc(*self._place)
+        self._ipc = tevclient.Ipc(*self._place)
         before = socket.getdefaulttimeout()
         # The client has no timeout of its own, and makes its socket here.
         socket.setdefaulttimeout(PATIENCE)
         try:
-            self._ipc = ipc.__enter__()
+            self._ipc.__enter__()
         except OSError as error:
             self._give_up(error)
         finally:
@@ -64,8 +64,7 @@ class Tev:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._ipc is not None:
-            self._ipc.__exit__(kind, error, trace)
+        self._close()
 
     @property
     def connected(self) -> bool:
@@ -86,8 +85,13 @@ class Tev:
             self._give_up(error)
 
     def _give_up(self, error: OSError) -> None:
-        self._ipc = None
+        self._close()
         assert self._place is not None
         place = f"{self._place[0]}:{self._place[1]}"
         why = error.strerror or one_line(error)
-        warnings.warn(f"no tev at {place} ({why}); rendering goes on", stacklevel=3)
+        say(f"no tev at {place} ({why}); rendering goes on")
+
+    def _close(self) -> None:
+        if self._ipc is not None:
+            self._ipc.__exit__(None, None, None)
+        self._ipc = None
