@@ -13,7 +13,6 @@ import numpy as np
 
 from ..analysis.denoise import denoise_guided
 from ..imageio import Image
-from ..integrators.recording import Stage
 from ..integrators.state import State
 from . import accumulate
 from .accumulate import Layout, Size, Sums
@@ -106,7 +105,6 @@ class Growth:
         self.why = why
         self.elapsed = elapsed
         self.snapshot = snapshot or nothing(source)
-        self._add = Stage(accumulate.add, source.layout)
 
     def grow(self, goal: Goal) -> Iterator[Progress]:
         """
@@ -168,7 +166,9 @@ class Growth:
         now, source = self.snapshot, self.source
         frames = now.frames + 1
         image = source.render()
-        sums = self._add(now.sums, now.weights, image, dr.opaque(mi.Float, frames))
+        sums = accumulate.add(
+            source.layout, now.sums, now.weights, image, dr.opaque(mi.Float, frames)
+        )
         dr.sync_thread()
         weights, known, decided = now.weights, now.known, now.decided
         if decides(frames):
