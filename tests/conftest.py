@@ -3,6 +3,9 @@
 import mitsuba_restir  # noqa: F401  isort: skip
 
 import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
 
 import mitsuba as mi
 import pytest
@@ -31,3 +34,19 @@ def spectral() -> str:
 @pytest.fixture
 def mono() -> str:
     return _variant("llvm_ad_mono")
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 96 KiB, where this process may mount one."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=96k", "mitsuba-restir-test", str(place)]
+    try:
+        done = subprocess.run(mount, capture_output=True, check=False)
+    except FileNotFoundError:
+        pytest.skip("a full disk is tested where there is `mount`")
+    if done.returncode:
+        pytest.skip("a full disk is tested where this user may mount one (root on Linux)")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)

@@ -385,6 +385,18 @@ SLOW = {
     "doctor": ["doctor"],
     "mask": ["mask", "--size", "16", "-o", "out"],
     "render": [*RENDER, "-o", "out.png"],
+    "still": [
+        "still",
+        "cornell",
+        "--resolution",
+        "16x9",
+        "--plan",
+        "light",
+        "--frames",
+        "2",
+        "-o",
+        "out.png",
+    ],
     "compare": ["compare", "ajar", "--resolution", "16x9", "--frames", "1", "-o", "out"],
     "evaluate": ["evaluate", "tiny.toml", "-o", "out", "-s", "runs=2"],
 }
@@ -396,6 +408,7 @@ def finished(name: str, folder: Path) -> bool:
     results = {
         "mask": "out/void_and_cluster-16.npy",
         "render": "out.png",
+        "still": "out.png",
         "compare": "out/compare.json",
         "evaluate": "out/report.html",
     }

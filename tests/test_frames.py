@@ -231,6 +231,21 @@ def test_auxiliary_images(room):
     assert last[..., 12].mean() > 20
 
 
+def test_the_first_round_is_the_frame_of_one_round(room):
+    """Light seen directly included, and whatever comes after it; the candidates, without rounds."""
+    common = {"type": "restir_pt", "max_depth": 5, "temporal": False}
+    one, three, none = (
+        mi.load_dict({**common, "aovs": "first_round", **more})
+        for more in ({}, {"spatial_rounds": 3}, {"spatial": False})
+    )
+    plain = render(mi.load_dict(common), room)
+    for renderer in (one, three):
+        np.testing.assert_array_equal(render(renderer, room)[..., 3:], plain)
+    own = render(none, room)
+    np.testing.assert_array_equal(own[..., 3:], own[..., :3])
+    assert np.abs(own[..., :3] - plain).max() > 0.1
+
+
 def test_motion_vectors(room):
     """A camera that turns by a pixel moves the image by a pixel."""
     renderer = mi.load_dict({"type": "restir_pt", "max_depth": 2, "aovs": "motion"})

@@ -24,6 +24,7 @@ import mitsuba_restir.studies.runs.turns as runs_module
 import mitsuba_restir.studies.store.reference as reference_module
 from mitsuba_restir import cache, cli, studies
 from mitsuba_restir.analysis.metrics import relmse
+from mitsuba_restir.arrays import load_arrays, save_arrays
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import encode_exr, write_atomically
 from mitsuba_restir.studies import load_study, packaged_studies, run_study
@@ -37,7 +38,6 @@ from mitsuba_restir.studies.runs.rendering import Renderer, seed_of
 from mitsuba_restir.studies.runs.results import ReferenceImage
 from mitsuba_restir.studies.runs.scene import scene_digest
 from mitsuba_restir.studies.runs.software import software
-from mitsuba_restir.studies.store.disk import load_arrays, save_arrays
 from mitsuba_restir.studies.store.folder import StudyFolder
 
 STUDY = """

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -167,22 +166,6 @@ def test_a_read_only_output_is_one_line(file: str, tmp_path: Path) -> None:
             pytest.skip("no folder here refuses root")
     with pytest.raises((UsageError, RenderError), match=r"cannot (make|write)"):
         run_study(load_study(file), folder / "out")
-
-
-@pytest.fixture
-def tiny_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 96 KiB, where this process may mount one."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=96k", "mitsuba-restir-test", str(place)]
-    try:
-        done = subprocess.run(mount, capture_output=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("a full disk is tested where there is `mount`")
-    if done.returncode:
-        pytest.skip("a full disk is tested where this user may mount one (root on Linux)")
-    yield place
-    subprocess.run(["umount", str(place)], check=True)
 
 
 @pytest.mark.slow

@@ -154,11 +154,20 @@ def trimmed_relmse(
     trim : float
         Share of pixels left out, 0 <= trim < 1; their number is rounded down.
     """
-    if not 0.0 <= trim < 1.0:
-        raise ValueError(f"trim must be in [0, 1), not {trim}.")
     errors = relative_squared_error(
         image, reference, epsilon=epsilon, reference_variance=reference_variance
     )
+    return trimmed_mean(errors, trim)
+
+
+def trimmed_mean(errors: FloatArray, trim: float = DEFAULT_TRIM) -> float:
+    """
+    Mean of per-value errors (H, W) or (H, W, C) without the largest share of the pixels.
+
+    Pixels are ranked by the mean over their channels; see `trimmed_relmse`.
+    """
+    if not 0.0 <= trim < 1.0:
+        raise ValueError(f"trim must be in [0, 1), not {trim}.")
     pixels = np.sort(errors.reshape(errors.shape[0] * errors.shape[1], -1).mean(axis=1))
     kept = pixels.size - int(trim * pixels.size)
     return float(pixels[:kept].mean())

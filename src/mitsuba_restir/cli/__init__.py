@@ -6,17 +6,17 @@ What the commands need is imported once one is run, so that Ctrl-C is handled fr
 from __future__ import annotations
 
 import importlib
-import sys
 import warnings
 from collections.abc import Sequence
 
 from .. import __version__
 from ..errors import RestirError, UsageError, one_line, root
 from .arguments import OneLineParser
+from .notes import say
 from .signals import INTERRUPTED, TERMINATED, Termination, terminable
 from .streams import Stream, forgiving
 
-_COMMANDS = ("render", "compare", "evaluate", "mask", "scenes", "doctor")
+_COMMANDS = ("render", "still", "compare", "evaluate", "mask", "scenes", "doctor")
 _CODES = (
     f"0 done, 1 failed while rendering, 2 wrong use, {INTERRUPTED} interrupted, "
     f"{TERMINATED} terminated"
@@ -73,18 +73,18 @@ def _run(arguments: Sequence[str] | None, termination: Termination) -> int:
 
 def _failed(error: BaseException) -> int:
     if isinstance(error, RestirError):
-        _say(one_line(error))
+        say(one_line(error))
         return error.exit_code
     if isinstance(error, OSError) and error.filename is not None:
         # A name that the system refuses, as for its length, before anyone could look at the file.
-        _say(f"{error.filename}: {error.strerror}")
+        say(f"{error.filename}: {error.strerror}")
         return UsageError.exit_code
     raise error
 
 
 def _interrupted(remark: str, termination: Termination) -> int:
     how = "terminated" if termination.came else "interrupted"
-    _say(f"{how}; {remark}" if remark else how)
+    say(f"{how}; {remark}" if remark else how)
     return termination.code
 
 
@@ -92,17 +92,13 @@ def _all_written(output: Stream, code: int) -> int:
     """The exit code, given what became of the output."""
     output.flush()
     if output.lost and code == 0:
-        _say(f"cannot write standard output: {output.lost}")
+        say(f"cannot write standard output: {output.lost}")
         return 1
     return code
 
 
-def _say(text: str) -> None:
-    print(f"mitsuba-restir: {text}", file=sys.stderr)
-
-
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    _say(f"warning: {one_line(message)}")
+    say(f"warning: {one_line(message)}")
 
 
 __all__ = ["INTERRUPTED", "build_parser", "main"]

@@ -42,15 +42,33 @@ def integer(minimum: int, maximum: int = 2**31 - 1) -> Callable[[str], int]:
     return parse
 
 
-def positive_seconds(text: str) -> float:
-    """Parse a finite time above zero, in seconds."""
+def positive(text: str, noun: str = "number") -> float:
+    """Parse a finite number above zero."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number of seconds above 0")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a {noun} above 0")
     return value
+
+
+def positive_seconds(text: str) -> float:
+    """Parse a finite time above zero, in seconds."""
+    return positive(text, "number of seconds")
+
+
+def seconds_between(text: str) -> float | None:
+    """Parse a time between two events, in seconds; 0 is never."""
+    return None if text.strip() == "0" else positive_seconds(text)
+
+
+def place(text: str, port: int) -> tuple[str, int]:
+    """Parse ``HOST:PORT``; where the port is left out, it is ``port``."""
+    host, colon, number = text.rpartition(":") if ":" in text else (text, "", "")
+    if not host or (colon and not (number.isdecimal() and 0 < int(number[:6]) < 2**16)):
+        raise argparse.ArgumentTypeError(f"'{text}' is not of the form HOST:PORT")
+    return host, int(number) if colon else port
 
 
 def resolution(text: str) -> tuple[int, int]:

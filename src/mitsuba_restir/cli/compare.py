@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import importlib.resources
 import statistics
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -38,6 +37,7 @@ from ..studies.runs.results import ReferenceImage
 from ..studies.runs.turns import rehearse, render_run
 from . import compare_report, loading, output
 from .arguments import as_dict, integer
+from .notes import say
 from .parameters import parse_parameters
 from .progress import progress_bar
 from .render import add_scene_arguments
@@ -124,7 +124,7 @@ def run(options: argparse.Namespace) -> int:
     means = {row.label: [row.mean] for row in rows}
     data = Measured(_size(study), {}, "", {}, reference, study.epsilon, study.trim)
     if text := excess(shares(data, means, trimmed)):
-        print(f"mitsuba-restir: do not rely on relMSE of mean: {text}", file=sys.stderr)
+        say(f"do not rely on relMSE of mean: {text}")
     console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
     return 0
 

@@ -11,6 +11,7 @@ from typing import Any
 import mitsuba as mi
 
 from .. import __version__, camera_path
+from ..analysis.denoise import GUIDES
 from ..errors import UsageError, rendering
 from ..imageio import RGB, Image, with_rgb
 from ..passes.shade import AOVS
@@ -199,7 +200,7 @@ def _check_views(path: camera_path.CameraPath, frames: int) -> None:
 def _guides(aovs: Mapping[str, str]) -> dict[str, str]:
     """Name of an AOV of each type that guides the denoiser, taken from those asked for or new."""
     names = {kind: name for name, kind in aovs.items()}
-    return {kind: names.get(kind, f"denoiser_{kind}") for kind in denoising.GUIDES}
+    return {kind: names.get(kind, f"denoiser_{kind}") for kind in GUIDES}
 
 
 def _kept(channels: Sequence[str], aovs: Mapping[str, str]) -> list[str]:

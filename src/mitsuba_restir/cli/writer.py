@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ..analysis.denoise import GUIDES, denoise_guided
 from ..imageio import RGB, Image
-from . import denoising, output
+from . import output
 
 DENOISED = "_denoised"
 """What the names of denoised pictures have besides."""
@@ -83,7 +84,7 @@ class Writer:
         kept = self._select(image, self.kept)
         self.written += self.target.write(frame, kept, self.kept, metadata)
         if self.guides:
-            layers = [self._layer(image, self.guides[kind]) for kind in denoising.GUIDES]
-            clean = denoising.denoise(self._select(image, RGB), *layers)
+            layers = [self._layer(image, self.guides[kind]) for kind in GUIDES]
+            clean = denoise_guided(self._select(image, RGB), *layers)
             metadata["denoised"] = "Intel Open Image Denoise"
             self.written += self.target.write(frame, clean, RGB, metadata, DENOISED)

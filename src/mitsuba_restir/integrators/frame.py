@@ -201,7 +201,7 @@ def sample_paths(
         refused.count,
         candidates.cut if parameters.cuts else mi.Bool(False),
         reservoirs.weight > 0,
-        direct + reservoir_color(reservoirs) if parameters.shows_candidates else mi.Color3f(0),
+        direct + reservoir_color(reservoirs) if parameters.shows("candidates") else mi.Color3f(0),
     )
     dr.eval(reservoirs, beside)
     learnt = history.learnt
@@ -264,10 +264,12 @@ def share_paths(
     estimators = PairEstimators([color], [mi.Bool(True)])
     strategy = STRATEGIES[parameters.neighbor_sampling]
     sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
+    first = color if parameters.shows("first_round") else mi.Color3f(0)
     for index in range(parameters.spatial_rounds if parameters.spatial else 0):
         merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
         reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
         outcomes.append(merged.outcomes)
+        first = color if index == 0 and parameters.shows("first_round") else first
         dr.eval(reservoirs, color, merged.outcomes, estimators if parameters.selects else None)
 
     colors = None
@@ -276,10 +278,10 @@ def share_paths(
             scope, now.hit, color, estimators, sampled.colors, parameters.retrace_history
         )
 
-    color += sampled.beside.direct
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     beside = sampled.beside
-    shown = Shown(now.hit, sampled.flow, reservoirs, past, beside.candidates)
+    color, first = color + beside.direct, first + beside.direct
+    shown = Shown(now.hit, sampled.flow, reservoirs, past, beside.candidates, first)
     extra = auxiliary(kinds, moved, shown)
     beside = replace(beside, refused=dr.sum(beside.refused))
     dr.eval(color, extra, beside)

@@ -174,10 +174,9 @@ class Parameters:
         entries = (entry.strip().partition(":") for entry in self.aovs.split(",") if entry.strip())
         return tuple((name, kind or name) for name, _, kind in entries)
 
-    @property
-    def shows_candidates(self) -> bool:
-        """Whether an image of the candidates alone is asked for."""
-        return any(kind == "candidates" for _, kind in self.images)
+    def shows(self, kind: str) -> bool:
+        """Whether an auxiliary image of a type is asked for."""
+        return any(shown == kind for _, shown in self.images)
 
     @property
     def biased(self) -> tuple[str, ...]:

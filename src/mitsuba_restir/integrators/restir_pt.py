@@ -34,6 +34,7 @@ from .plan import dither_of, plan_of
 from .recording import collection_paused, frame_alone
 from .scene_watch import Edit, SceneWatch
 from .stages import Stages
+from .state import State
 from .statistics import frame_statistics
 
 
@@ -138,7 +139,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         check_same_variant(self._variant, scene, sensor)
         spp = checked_spp(spp, sensor)
         with frame_alone(), dr.suspend_grad():
-            self._prepare(scene, sensor)
+            self.prepare(scene, sensor)
             self._frame = None
             key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
@@ -206,6 +207,19 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
                 statistics["dropped"] = float(dr.mean(mi.Float(self._dropped))[0])
             return statistics
 
+    def state(self) -> State:
+        """What later frames depend on, where they reuse no earlier ones: see :mod:`.state`."""
+        with frame_alone():
+            assert self._history is not None
+            return State(self._sample, self._turn, self._history.learnt)
+
+    def take_up(self, state: State) -> None:
+        """Go on from a state after :meth:`prepare`."""
+        with frame_alone():
+            assert self._history is not None
+            self._sample, self._turn = state.sample, state.turn
+            self._history = replace(self._history, learnt=state.learnt)
+
     def to_string(self) -> str:
         """The integrator and its parameters as text."""
         biased = ", ".join(self.parameters.biased)
@@ -219,7 +233,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             "pickled; make another one with mi.load_dict"
         )
 
-    def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
+    def prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
         """Check the inputs and start a new history where the old one does not fit."""
         self._dropped = None
         width, height = sensor.film().crop_size()

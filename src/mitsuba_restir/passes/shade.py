@@ -21,7 +21,8 @@ class Shown:
 
     Fields: ``hit``, ``flow`` (previous minus current film position [pixels]), ``reservoirs`` (after
     spatial reuse), ``past`` (the colour history with the light seen directly), ``candidates`` (what
-    the frame's candidates alone would show; 0 where no image of them is asked for).
+    the frame's candidates alone would show; 0 where no image of them is asked for), ``first_round``
+    (what the first round of spatial reuse would show; likewise).
     """
 
     hit: PrimaryHit
@@ -29,6 +30,7 @@ class Shown:
     reservoirs: Reservoir
     past: mi.Color3f
     candidates: mi.Color3f
+    first_round: mi.Color3f
 
 
 def _nothing(*_: object) -> list[mi.Float]:
@@ -107,6 +109,11 @@ AOVS = {
         "RGB",
         lambda shown: shown.candidates,
         doc="what the frame's own candidates would show without any reuse",
+    ),
+    "first_round": Aov(
+        "RGB",
+        lambda shown: shown.first_round,
+        doc="what the first round of spatial reuse would show",
     ),
     "mutation": Aov(
         ("before", "after", "mixed"),

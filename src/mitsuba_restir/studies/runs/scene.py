@@ -1,13 +1,8 @@
-"""The scene of a study: its file, what it is loaded from, and the digest of all that it names."""
+"""The scene of a study: its file, and the digest of all that it names."""
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 import os
-import pkgutil
-import xml.etree.ElementTree as ElementTree
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +10,7 @@ import mitsuba as mi
 
 from ... import scenes
 from ...errors import UsageError, one_line
+from ...scene_files import digest
 from ..config.study import Study
 
 
@@ -83,53 +79,4 @@ def scene_digest(study: Study) -> str:
     UsageError
         There is no such scene, or one of its files cannot be read.
     """
-    digest = hashlib.sha256()
-    if study.scene in scenes.names():
-        digest.update(study.scene.encode())
-        for module in pkgutil.iter_modules(scenes.__path__):
-            source = resources.files(scenes.__name__) / f"{module.name}.py"
-            digest.update(source.read_bytes())
-        digest.update(inspect.getsource(scenes).encode())
-        return digest.hexdigest()
-    scene = scene_file(study)
-    try:
-        for path in _files(scene):
-            digest.update(path.name.encode())
-            digest.update(path.read_bytes())
-    except OSError as error:
-        raise UsageError(f"{scene}: cannot read {error.filename}: {error.strerror}") from error
-    return digest.hexdigest()
-
-
-def _files(scene: Path) -> list[Path]:
-    """Return a scene file and, in order, every existing file that it may mean by a name."""
-    folders = [scene.parent]
-    # As a set that keeps its order.
-    found: dict[Path, None] = {}
-
-    def add(path: Path) -> None:
-        path = path.resolve()
-        if path in found:
-            return
-        found[path] = None
-        for node in _nodes(path):
-            names = [text for key, text in node.attrib.items() if key in ("value", "filename")]
-            if node.tag == "path":
-                folders.extend(path.parent / name for name in names)
-            for place in [folder / name for name in names for folder in (path.parent, *folders)]:
-                # Unlike Path.is_file, it knows that a long list of numbers is no name.
-                if os.path.isfile(place):
-                    add(place)
-
-    add(scene)
-    return list(found)
-
-
-def _nodes(path: Path) -> list[ElementTree.Element]:
-    """Return the elements of an XML file; none where it is not one, which loading it will say."""
-    if path.suffix != ".xml":
-        return []
-    try:
-        return list(ElementTree.parse(path).getroot().iter())
-    except (ElementTree.ParseError, ValueError):
-        return []
+    return digest(study.scene if study.scene in scenes.names() else str(scene_file(study)))

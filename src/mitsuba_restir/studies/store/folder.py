@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from filelock import FileLock
 
+from ...arrays import Arrays, load_arrays, make_folder, save_arrays
 from ...errors import UsageError, one_line
 from ...imageio import write_atomically
 from ..config.files import dump_study, load_study
@@ -19,7 +20,7 @@ from ..runs.probing import REFERENCED
 from ..runs.results import Image, Run
 from ..runs.scene import scene_digest
 from ..runs.software import environment
-from .disk import LOCK, Arrays, load_arrays, lock_folder, make_folder, save_arrays
+from .disk import LOCK, lock_folder
 from .keys import FILE as PROVENANCE
 from .keys import (
     differences,
