@@ -19,12 +19,13 @@ from support.runs import assert_unbiased, bias_report
 
 from mitsuba_restir import still
 from mitsuba_restir.errors import UsageError
-from mitsuba_restir.still import accumulate, checkpoint, goal, growth
+from mitsuba_restir.still import accumulate, checkpoint, driver, goal, growth
 from mitsuba_restir.still.accumulate import Layout
 from mitsuba_restir.still.error import stated
 from mitsuba_restir.still.frames import Frames, Subject
 from mitsuba_restir.still.goal import Goal, decides, goal_of
 from mitsuba_restir.still.growth import Growth
+from mitsuba_restir.still.pilot import Choice
 from mitsuba_restir.still.plan import PLANS, Plan
 
 SIZE = (16, 16)
@@ -441,6 +442,59 @@ def test_no_kernel_is_compiled_after_the_first_frames(room, monkeypatch, guiding
     assert not missed, f"{len(missed)} of {len(history)} kernels were compiled again"
 
 
+@pytest.fixture
+def pilots(monkeypatch) -> list[np.ndarray]:
+    """Have the pilot be quick and remember its frames: three of two plans."""
+    seen: list[np.ndarray] = []
+
+    def quick(begin: Callable[[Plan], Any], seconds: float | None, denoise: bool) -> Choice:
+        for plan in (BARE, MIXED):
+            render = begin(plan)
+            seen.extend(render() for _ in range(3))
+        return Choice(BARE, "it was the first", 0.0)
+
+    monkeypatch.setattr(driver, "pilot", quick)
+    return seen
+
+
+BARE = Plan("bare", 2, {"spatial": False})
+
+
+def first_frames(scene: mi.Scene) -> list[np.ndarray]:
+    frames = Frames(of(scene), BARE)
+    return [frames.luminances() for _ in range(3)]
+
+
+def test_frames_of_the_pilot_are_not_in_the_picture(room, pilots):
+    """The picture is bit by bit the one that has the plan without a pilot."""
+    picture = still.render(room, max_depth=4, frames=5, seed=3)
+    assert picture.plan == BARE
+    assert picture.why == "it was the first"
+    assert len(pilots) == 6
+    assert pilots[0].shape == (1, 32, 32)
+    assert pilots[3].shape == (3, 32, 32)
+    given = still.render(room, max_depth=4, frames=5, seed=3, plan=BARE)
+    np.testing.assert_array_equal(picture.image, given.image)
+    # Nor are they made of the same random numbers, by which the choice would know the picture.
+    for frame in first_frames(room):
+        assert all((frame != other).mean() > 0.9 for other in pilots[:3])
+
+
+def test_control_a_pilot_with_the_seed_of_the_picture(room, pilots, monkeypatch):
+    monkeypatch.setattr(driver, "_other_seed", lambda seed: seed)
+    still.render(room, max_depth=4, frames=2, seed=3)
+    for frame, other in zip(first_frames(room), pilots[:3], strict=True):
+        np.testing.assert_array_equal(frame, other)
+
+
+@pytest.mark.slow
+def test_a_still_plans_itself(room):
+    picture = still.render(room, max_depth=4, seconds=8.0)
+    assert picture.plan in PLANS.values()
+    assert picture.why
+    assert picture.frames >= goal.LEAST
+
+
 # ------------------------------ checkpoints -----------------------------------------------------
 
 LABEL = {"scene digest": "abc", "seed": "3"}
@@ -448,7 +502,7 @@ LABEL = {"scene digest": "abc", "seed": "3"}
 GUIDED = Plan("guided", 1, {**MIXED.parameters, "guiding": True, "roulette": "contribution"})
 
 
-@pytest.mark.parametrize("plan", [MIXED, GUIDED, Plan("bare", 2, {"spatial": False})])
+@pytest.mark.parametrize("plan", [MIXED, GUIDED, BARE])
 @pytest.mark.parametrize("kept_at", [1, 5, 6])
 def test_a_still_goes_on_bit_by_bit(room, tmp_path, monkeypatch, plan, kept_at):
     monkeypatch.setattr(growth, "mixture", inverse_variance)
@@ -543,6 +597,6 @@ def flipped(data: bytes, position: int) -> bytes:
 
 def test_arrays_of_another_still_are_refused(kept, room):
     good = checkpoint.load(kept, LABEL, None)
-    for plan in (GUIDED, Plan("bare", 2, {"spatial": False})):
+    for plan in (GUIDED, BARE):
         with pytest.raises(UsageError, match="not one of such a still"):
             checkpoint.take_up(good, Frames(of(room), plan))
