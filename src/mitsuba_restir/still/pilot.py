@@ -44,7 +44,10 @@ WORTH = 0.9
 """A plan takes the place of one before it only where it needs less than this share of its time."""
 
 RAW = ("rounds", "candidates", "shared", "single", "rounds_guided", "light_guided", "light")
-DENOISED = ("light", "candidates", "light_guided", "wide", "rounds", "rounds_guided")
+"""Plans in the order in which they are tried; the first is for those who have no time."""
+
+DENOISED = ("light", "single", "light_guided", "rounds", "candidates", "wide", "rounds_guided")
+"""The same for pictures that will be denoised: what reuse removes, the denoiser would remove."""
 
 
 @dataclass(frozen=True)
@@ -141,17 +144,7 @@ def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choic
     best = 0
     for index, cost in enumerate(costs):
         best = index if cost < WORTH * costs[best] else best
-    if len(measured) == 1:
-        why = "there was no time to measure others"
-    else:
-        others = [
-            f"{each.plan.name} {cost / costs[best]:.2g}"
-            for each, cost in zip(measured, costs, strict=True)
-            if each is not measured[best]
-        ]
-        seen = f" seen through {SEEN:g} pixels" if denoise else ""
-        why = f"variance{seen} x time is 1, that of {', '.join(others)}" if costs[best] > 0 else ""
-    return Choice(measured[best].plan, why or "no plan found light", seconds)
+    return Choice(measured[best].plan, _why(measured, costs, best, denoise), seconds)
 
 
 def error(frames: FloatArray, denoise: bool) -> float:
@@ -173,6 +166,20 @@ def error(frames: FloatArray, denoise: bool) -> float:
         mixed = gaussian_filter(mixed, (0, SEEN, SEEN), mode="nearest")
     variance = np.sort((mixed**2).sum(axis=0) / (count - 1), axis=None)
     return float(variance[: max(1, round(variance.size * (1 - TRIMMED)))].mean())
+
+
+def _why(measured: Sequence[Measured], costs: Sequence[float], best: int, denoise: bool) -> str:
+    if len(measured) == 1:
+        return "there was no time to measure others"
+    if not costs[best] > 0:
+        return "no plan found light with noise"
+    others = [
+        f"{each.plan.name} {cost / costs[best]:.2g}"
+        for index, (each, cost) in enumerate(zip(measured, costs, strict=True))
+        if index != best
+    ]
+    seen = f" seen through {SEEN:g} pixels" if denoise else ""
+    return f"variance{seen} x time, relative to its own: {', '.join(others)}"
 
 
 def _measure(
