@@ -25,9 +25,8 @@ SHARE = 0.1
 LONGEST = 4.0
 """Longest pilot [s]."""
 
-TREES = 2
-"""Trees a pixel of the pilot's frames. Variance is taken to fall with their number, and time to
-grow by what a tree costs alone: a frame of few trees says the same in a third of the time."""
+TREES = 4
+"""Trees a pixel of the pilot's frames: enough to compare plans at equal trees, in less time."""
 
 LEARNT = 4
 """Frames (of all trees) after which a guide has learnt most of what it will have learnt."""
@@ -35,8 +34,11 @@ LEARNT = 4
 MEASURED = 3
 """Most frames of a plan that are measured; the least are 2."""
 
-DEAR = 8
-"""A guess of what a frame of the pilot takes, in frames of one tree, before one has been seen."""
+TIMED = 2
+"""Trees a pixel of the frames that say what a tree takes."""
+
+DEAR = 5
+"""A guess of what a frame of the pilot takes, in those frames, before one has been seen."""
 
 TRIMMED = 0.001
 """Share of the pixels with the largest errors that are left out."""
@@ -48,8 +50,9 @@ denoised [pixels]: a denoiser removes what is finer and keeps what is not."""
 WORTH = 0.9
 """A plan takes the place of one before it only where it needs less than this share of its time."""
 
-ALONE = "single"
-"""The plan that is measured in any case. It gives the time that a tree takes."""
+ALONE = "candidates"
+"""The plan without reuse. Its frames give the time that a tree takes; its error is that of the
+candidates in the frames of another plan, in which as much of the tail is met."""
 
 RAW = ("rounds", "shared", "rounds_guided", "light", "light_guided")
 """Other plans in the order in which they are tried; the first is for those who have no time."""
@@ -67,16 +70,13 @@ class Measured:
     ----------
     plan : Plan
     seconds : float
-        Of a frame of the plan.
-    trees : int
-        Trees a pixel of the frames that were measured.
+        Of one of the frames that were measured.
     frames : ndarray, (N, K, H, W)
         Luminances of their estimates.
     """
 
     plan: Plan
     seconds: float
-    trees: int
     frames: FloatArray
 
 
@@ -122,22 +122,22 @@ def pilot(
     """
     start = clock()
     end = start + (LONGEST if seconds is None else min(LONGEST, SHARE * seconds))
-    alone = _measure(PLANS[ALONE], begin, clock, end)
+    alone = _measure(PLANS[ALONE], TIMED, begin, clock, end)
+    tree = alone.seconds / TIMED
     measured: list[Measured] = []
     expected = (1 + MEASURED) * DEAR * alone.seconds
     for name in DENOISED if denoise else RAW:
         plan, began = PLANS[name], clock()
-        learning = LEARNT * plan.spp * alone.seconds if plan.learns else 0
+        learning = LEARNT * plan.spp * tree if plan.learns else 0
         if began + learning + expected > end:
             break
-        found = _measure(plan, begin, clock, end)
-        more_trees = (plan.spp - found.trees) * alone.seconds
-        measured.append(replace(found, seconds=found.seconds + more_trees))
+        measured.append(_measure(plan, TREES, begin, clock, end))
         expected = clock() - began - learning
     if not measured:
         plan = PLANS[(DENOISED if denoise else RAW)[0]]
         return Choice(plan, "there was no time to compare it with others", clock() - start)
-    return choose([*measured, alone], denoise, clock() - start)
+    candidates = replace(alone, seconds=TREES * tree, frames=measured[0].frames[:, :1])
+    return choose([*measured, candidates], denoise, clock() - start)
 
 
 def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choice:
@@ -147,19 +147,16 @@ def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choic
     Parameters
     ----------
     measured : sequence of Measured
-        At least one; of plans that are equally good, the first is chosen.
+        At equal trees, the first with reuse; of plans that are equally good, the first is chosen.
     denoise : bool
         Whether the picture will be denoised.
     seconds : float
         That the pilot took.
     """
-    mean = np.mean([each.frames[:, -1].mean(axis=0) for each in measured], axis=0)
+    mean = measured[0].frames[:, -1].mean(axis=0)
     size = gaussian_filter(mean, SEEN, mode="nearest")
     scale = np.sqrt(size**2 + (0.01 * mean.mean()) ** 2) + np.finfo(np.float64).tiny
-    costs = [
-        each.seconds * error(each.frames / scale, denoise) * each.trees / each.plan.spp
-        for each in measured
-    ]
+    costs = [each.seconds * error(each.frames / scale, denoise) for each in measured]
     best = 0
     for index, cost in enumerate(costs):
         best = index if cost < WORTH * costs[best] else best
@@ -200,11 +197,14 @@ def _why(measured: Sequence[Measured], costs: Sequence[float], best: int, denois
 
 
 def _measure(
-    plan: Plan, begin: Callable[[Plan], Render], clock: Callable[[], float], end: float
+    plan: Plan,
+    trees: int,
+    begin: Callable[[Plan], Render],
+    clock: Callable[[], float],
+    end: float,
 ) -> Measured:
     """Render some frames of a plan; no more than needed after the end."""
     render = begin(plan)
-    trees = min(TREES, plan.spp)
     # The first is compiled and recorded, and the second recorded once more.
     render(trees)
     for _ in range(LEARNT if plan.learns else 0):
@@ -216,4 +216,4 @@ def _measure(
         began = clock()
         frames.append(np.asarray(render(trees), dtype=np.float64))
         times.append(clock() - began)
-    return Measured(plan, min(times), trees, np.stack(frames))
+    return Measured(plan, min(times), np.stack(frames))
