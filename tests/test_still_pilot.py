@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_restir.still.pilot import (
+    ALONE,
     DENOISED,
     LONGEST,
     RAW,
@@ -27,14 +28,14 @@ class Studio:
     Parameters
     ----------
     variances : dict of str to float
-        Of a frame of each plan; 1 for others.
+        Of a tree of each plan; 1 for others.
     seconds : float
-        Of each frame.
+        That a tree takes; reuse takes that of four.
     tail : float
         Share of the pixels in which a frame finds most of its light; 1 for no tail.
     """
 
-    def __init__(self, variances: dict[str, float], seconds: float = 0.05, tail: float = 1) -> None:
+    def __init__(self, variances: dict[str, float], seconds: float = 0.02, tail: float = 1) -> None:
         self.variances, self.seconds, self.tail = variances, seconds, tail
         self.now = 0.0
         self.rendered: list[str] = []
@@ -43,14 +44,19 @@ class Studio:
     def begin(self, plan):
         self.now += 0.1
         estimates = 3 if plan.mixes else 1
-        scale = np.sqrt(self.variances.get(plan.name, 1.0) * self.tail)
+        scale, alone = (
+            np.sqrt(self.variances.get(name, 1.0) * self.tail) for name in (plan.name, ALONE)
+        )
 
-        def render():
-            self.now += self.seconds
+        def render(trees):
+            self.now += self.seconds * (trees + 4 * plan.mixes)
             self.rendered.append(plan.name)
             found = self.rng.random(SHAPE) < self.tail
             light = found * self.rng.exponential(1 / self.tail, SHAPE) - 1
-            return np.repeat((2 + scale * light)[None], estimates, axis=0)
+            light *= np.sqrt(1 / trees)
+            frame = np.repeat((2 + scale * light)[None], estimates, axis=0)
+            frame[0] = 2 + alone * light
+            return frame
 
         return render
 
@@ -61,44 +67,46 @@ class Studio:
         return pilot(self.begin, seconds, denoise, self.clock)
 
 
-@pytest.mark.parametrize("best", RAW)
+@pytest.mark.parametrize("best", [ALONE, *RAW])
 @pytest.mark.parametrize("tail", [1, 0.02])
 def test_the_best_plan_is_found(best, tail):
-    """With a third of the variance of the others, be the tails light or heavy."""
-    choice = Studio({best: 0.3}, 0.02, tail).pilot(None)
+    """With a fifth of the variance of the others, be the tails light or heavy."""
+    choice = Studio({best: 0.2}, 0.01, tail).pilot(None)
     assert choice.plan.name == best
     assert f"{RAW[0] if best != RAW[0] else RAW[1]} " in choice.why
     assert "\n" not in choice.why
 
 
-@pytest.mark.parametrize("best", DENOISED)
+@pytest.mark.parametrize("best", [ALONE, *DENOISED])
 def test_the_best_plan_for_a_denoiser_is_found(best):
-    assert Studio({best: 0.3}, 0.02).pilot(None, denoise=True).plan.name == best
+    assert Studio({best: 0.2}, 0.01).pilot(None, denoise=True).plan.name == best
 
 
 @pytest.mark.parametrize("seconds", [1.0, 10.0, 60.0, 600.0, None])
-def test_a_pilot_is_short(seconds):
-    """It ends in time, unless even the first plan takes longer."""
+@pytest.mark.parametrize("denoise", [False, True])
+def test_a_pilot_is_short(seconds, denoise):
+    """It ends in time but for a last plan's least frames, and for the plan of single trees."""
     studio = Studio({})
-    choice = studio.pilot(seconds)
-    least = 0.1 + 3 * studio.seconds
+    choice = studio.pilot(seconds, denoise)
     limit = LONGEST if seconds is None else min(LONGEST, SHARE * seconds)
     assert choice.seconds == pytest.approx(studio.now)
-    assert choice.seconds <= max(limit, least) + 2 * studio.seconds
-    assert studio.rendered[0] == RAW[0]
+    frame = 8 * studio.seconds
+    assert choice.seconds <= max(limit, 0.1 + 4 * studio.seconds) + 3 * frame
 
 
 def test_without_time_nothing_is_compared():
-    choice = Studio({}).pilot(0.5)
-    assert choice.plan.name == RAW[0]
-    assert "no time" in choice.why
+    studio = Studio({ALONE: 1e-3})
+    for denoise, plans in ((False, RAW), (True, DENOISED)):
+        choice = studio.pilot(0.5, denoise)
+        assert choice.plan.name == plans[0]
+        assert "no time" in choice.why
 
 
 def test_time_counts():
     """Half of the variance at three times the time is a bad bargain."""
     rng = np.random.default_rng(2)
     frames = 2 + rng.normal(size=(3, 1, *SHAPE))
-    plans = [PLANS["candidates"], PLANS["single"]]
+    plans = [PLANS["rounds"], PLANS["candidates"]]
     dear = Measured(plans[0], 3.0, 2 + (frames - 2) / np.sqrt(2))
     cheap = Measured(plans[1], 1.0, frames)
     assert choose([dear, cheap], False, 0).plan is plans[1]
@@ -133,4 +141,4 @@ def test_without_light_there_is_a_plan(denoise):
 
 
 def test_plans_that_are_tried_exist():
-    assert {*RAW, *DENOISED} <= PLANS.keys()
+    assert {ALONE, *RAW, *DENOISED} <= PLANS.keys()

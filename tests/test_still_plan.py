@@ -33,7 +33,7 @@ def test_values_are_a_plan():
     ("text", "said"),
     [
         ("", "no plan ''"),
-        ("much", "no plan 'much'; use one of single, "),
+        ("much", "no plan 'much'; use one of candidates, "),
         ("spp=8,much", "no plan 'much'"),
         ("temporal=true", "no 'temporal'"),
         ("spp=0", "spp must be an integer of at least 1"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,9 @@ from .plan import PLANS, Plan
 
 FloatArray = NDArray[np.float64]
 
-Render = Callable[[], FloatArray]
-"""Renders the next frame: luminances of its K estimates, (K, H, W), the last the frame itself."""
+Render = Callable[[int], FloatArray]
+"""Renders the next frame with so many trees a pixel: luminances of its K estimates, (K, H, W), the
+last the frame itself."""
 
 SHARE = 0.1
 """Longest pilot, as a share of the time that there is for the picture."""
@@ -24,14 +25,20 @@ SHARE = 0.1
 LONGEST = 4.0
 """Longest pilot [s]."""
 
-WARM_UP = 1
-"""Frames of a plan that are not measured: they are compiled and recorded."""
+TREES = 4
+"""Trees a pixel of the pilot's frames: enough to compare plans at equal trees, in less time."""
 
 LEARNT = 4
-"""Frames after which a guide has learnt most of what it will have learnt."""
+"""Frames (of all trees) after which a guide has learnt most of what it will have learnt."""
 
 MEASURED = 3
-"""Frames of a plan that are measured."""
+"""Most frames of a plan that are measured; the least are 2."""
+
+TIMED = 2
+"""Trees a pixel of the frames that say what a tree takes."""
+
+DEAR = 5
+"""A guess of what a frame of the pilot takes, in those frames, before one has been seen."""
 
 TRIMMED = 0.001
 """Share of the pixels with the largest errors that are left out."""
@@ -43,10 +50,14 @@ denoised [pixels]: a denoiser removes what is finer and keeps what is not."""
 WORTH = 0.9
 """A plan takes the place of one before it only where it needs less than this share of its time."""
 
-RAW = ("rounds", "candidates", "shared", "single", "rounds_guided", "light_guided", "light")
-"""Plans in the order in which they are tried; the first is for those who have no time."""
+ALONE = "candidates"
+"""The plan without reuse. Its frames give the time that a tree takes; its error is that of the
+candidates in the frames of another plan, in which as much of the tail is met."""
 
-DENOISED = ("light", "single", "light_guided", "rounds", "candidates", "wide", "rounds_guided")
+RAW = ("rounds", "shared", "rounds_guided", "light", "light_guided")
+"""Other plans in the order in which they are tried; the first is for those who have no time."""
+
+DENOISED = ("light", "light_guided", "rounds", "wide", "rounds_guided")
 """The same for pictures that will be denoised: what reuse removes, the denoiser would remove."""
 
 
@@ -59,9 +70,9 @@ class Measured:
     ----------
     plan : Plan
     seconds : float
-        Of one frame.
+        Of one of the frames that were measured.
     frames : ndarray, (N, K, H, W)
-        Luminances of its estimates.
+        Luminances of their estimates.
     """
 
     plan: Plan
@@ -110,18 +121,23 @@ def pilot(
         Seconds.
     """
     start = clock()
-    limit = min(LONGEST, SHARE * seconds) if seconds is not None else LONGEST
+    end = start + (LONGEST if seconds is None else min(LONGEST, SHARE * seconds))
+    alone = _measure(PLANS[ALONE], TIMED, begin, clock, end)
+    tree = alone.seconds / TIMED
     measured: list[Measured] = []
-    names = DENOISED if denoise else RAW
-    longest = 0.0
-    for name in names:
-        # A plan costs about what the dearest one so far has cost; the first one is always measured.
-        if measured and clock() - start + longest > limit:
+    expected = (1 + MEASURED) * DEAR * alone.seconds
+    for name in DENOISED if denoise else RAW:
+        plan, began = PLANS[name], clock()
+        learning = LEARNT * plan.spp * tree if plan.learns else 0
+        if began + learning + expected > end:
             break
-        began = clock()
-        measured.append(_measure(PLANS[name], begin, clock, start + limit))
-        longest = max(longest, clock() - began)
-    return choose(measured, denoise, clock() - start)
+        measured.append(_measure(plan, TREES, begin, clock, end))
+        expected = clock() - began - learning
+    if not measured:
+        plan = PLANS[(DENOISED if denoise else RAW)[0]]
+        return Choice(plan, "there was no time to compare it with others", clock() - start)
+    candidates = replace(alone, seconds=TREES * tree, frames=measured[0].frames[:, :1])
+    return choose([*measured, candidates], denoise, clock() - start)
 
 
 def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choice:
@@ -131,13 +147,13 @@ def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choic
     Parameters
     ----------
     measured : sequence of Measured
-        At least one; of plans that are equally good, the first is chosen.
+        At equal trees, the first with reuse; of plans that are equally good, the first is chosen.
     denoise : bool
         Whether the picture will be denoised.
     seconds : float
         That the pilot took.
     """
-    mean = np.mean([each.frames[:, -1].mean(axis=0) for each in measured], axis=0)
+    mean = measured[0].frames[:, -1].mean(axis=0)
     size = gaussian_filter(mean, SEEN, mode="nearest")
     scale = np.sqrt(size**2 + (0.01 * mean.mean()) ** 2) + np.finfo(np.float64).tiny
     costs = [each.seconds * error(each.frames / scale, denoise) for each in measured]
@@ -169,8 +185,6 @@ def error(frames: FloatArray, denoise: bool) -> float:
 
 
 def _why(measured: Sequence[Measured], costs: Sequence[float], best: int, denoise: bool) -> str:
-    if len(measured) == 1:
-        return "there was no time to measure others"
     if not costs[best] > 0:
         return "no plan found light with noise"
     others = [
@@ -183,18 +197,23 @@ def _why(measured: Sequence[Measured], costs: Sequence[float], best: int, denois
 
 
 def _measure(
-    plan: Plan, begin: Callable[[Plan], Render], clock: Callable[[], float], end: float
+    plan: Plan,
+    trees: int,
+    begin: Callable[[Plan], Render],
+    clock: Callable[[], float],
+    end: float,
 ) -> Measured:
-    """Render some frames of a plan: at least two after warm-up, no more after the end."""
+    """Render some frames of a plan; no more than needed after the end."""
     render = begin(plan)
-    for index in range(LEARNT if plan.learns else WARM_UP):
-        if index >= WARM_UP and clock() > end:
-            break
-        render()
+    # The first is compiled and recorded, and the second recorded once more.
+    render(trees)
+    for _ in range(LEARNT if plan.learns else 0):
+        if clock() < end:
+            render(plan.spp)
     frames: list[FloatArray] = []
     times: list[float] = []
     while len(frames) < 2 or (len(frames) < MEASURED and clock() < end):
         began = clock()
-        frames.append(np.asarray(render(), dtype=np.float64))
+        frames.append(np.asarray(render(trees), dtype=np.float64))
         times.append(clock() - began)
     return Measured(plan, min(times), np.stack(frames))

@@ -105,8 +105,7 @@ def guided(plan: Plan) -> Plan:
 
 
 _UNGUIDED = (
-    Plan("single", 1, {"spatial": False}),
-    Plan("candidates", 8, {"spatial": False}),
+    Plan("candidates", 4, {"spatial": False}),
     shared("light", 9, 3, 1, 20),
     shared("wide", 8, 3, 2, 20),
     shared("shared", 8, 6, 3, 10),
