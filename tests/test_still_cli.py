@@ -125,7 +125,7 @@ BAD = {
     "two other goals": (["--time-budget", "1", "--frames", "3"], "not allowed with"),
     "one frame": (["--frames", "1"], "from 2"),
     "no time": (["--time-budget", "0"], "above 0"),
-    "unknown plan": (["--plan", "much"], "no plan 'much'; use one of candidates"),
+    "unknown plan": (["--plan", "much"], "no plan 'much'; use one of "),
     "wrong plan": (["--plan", "spp=0"], "spp must be"),
     "history": (["-p", "temporal=true"], "its frames are independent"),
     "preset": (["-p", "preset=fast"], "it has plans instead"),

@@ -60,7 +60,7 @@ def add_command(commands: Any) -> None:
         metavar="E",
         type=positive,
         help="stop at this relative error: the root of the mean over pixels of the variance of "
-        "the mean over the squared mean, without the worst 0.1 %% of the pixels",
+        "the mean over its square as its surroundings have it, without the worst 0.1 %% of them",
     )
     until.add_argument(
         "--time-budget",

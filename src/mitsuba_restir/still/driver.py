@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import mitsuba as mi
+import numpy as np
+import numpy.typing as npt
 
 from ..analysis import denoise as denoiser
 from ..errors import UsageError
@@ -13,7 +16,11 @@ from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
 from .picture import Progress, Still, stopwatch
-from .plan import Plan, parse
+from .pilot import Choice, pilot
+from .plan import PLANS, Plan, parse
+
+DARK_PLAN = PLANS["candidates"]
+"""Of scenes without light."""
 
 
 def render(
@@ -102,7 +109,24 @@ def begun(subject: Subject, plan: Plan | None, goal: Goal, elapsed: Callable[[],
     """
     if plan is not None:
         return Growth(Frames(subject, plan), "asked for", elapsed)
-    raise NotImplementedError
+    if not subject.lit:
+        return Growth(Frames(subject, DARK_PLAN), "there is nothing to plan for", elapsed)
+    choice = chosen(subject, goal)
+    return Growth(Frames(subject, choice.plan), choice.why, elapsed)
+
+
+def chosen(subject: Subject, goal: Goal) -> Choice:
+    """What a pilot finds; its frames have another seed and share nothing with the picture's."""
+    apart = replace(subject, seed=_other_seed(subject.seed))
+
+    def begin(plan: Plan) -> Callable[[], npt.NDArray[np.float64]]:
+        return Frames(apart, plan).luminances
+
+    return pilot(begin, goal.seconds, subject.guides)
+
+
+def _other_seed(seed: int) -> int:
+    return int(np.random.SeedSequence(seed, spawn_key=(1,)).generate_state(1)[0])
 
 
 def _plan(given: str | Plan | None) -> Plan | None:

@@ -7,9 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
-from ..analysis.images import luminance
+from ..analysis.images import FloatArray, luminance
 from ..analysis.metrics import DEFAULT_TRIM, relative_squared_error, trimmed_mean
+
+NEAR = (0.0, 1.0, 2.0)
+"""Standard deviations of the Gaussians through which a pixel's brightness is judged [pixels]."""
+
+KNOWN = 4.0
+"""How many of its own standard errors a brightness has to be to be taken for known."""
 
 FLOOR = 0.01
 """What keeps dark pixels from deciding alone, as a share of the image's mean luminance."""
@@ -43,9 +50,15 @@ def stated(mean: npt.NDArray[np.float32], standard_error: npt.NDArray[np.float32
     """
     The relative error of a mean of frames.
 
-    It is the root of the mean over pixels of s² / (m² + e²), with m the mean and s its standard
-    error in each channel, e 1 % of the image's mean: `trimmed_relmse` with the variance of the mean
-    in the place of the squared error and the mean in that of the reference.
+    It is the root of the mean over pixels of s² / (m² + e²), with s the standard error in each
+    channel, e 1 % of the image's mean, and m the mean through the narrowest Gaussian of
+    :data:`NEAR` by which it is :data:`KNOWN`, the widest where none will do: `trimmed_relmse` with
+    the variance of the mean in the place of the squared error, and m in that of the reference. With
+    a pixel's own mean as m throughout, the error would be understated wherever tails are heavy: s
+    is large where the mean is too large. Stated over true error with 4, 12, 48 frames of a plan
+    with 1 tree at 64x36 (20 stills each), and in brackets with the pixel's own mean: ``cornell``
+    0.84, 0.87, 0.93 (0.87, 0.94, 0.96), ``gloss`` 0.95, 0.96, 0.88 (0.48, 0.54, 0.66), ``ajar``,
+    where the error is still 70 % after 48 frames, 0.68, 0.72, 0.79 (0.36, 0.42, 0.51).
 
     Parameters
     ----------
@@ -56,17 +69,49 @@ def stated(mean: npt.NDArray[np.float32], standard_error: npt.NDArray[np.float32
     Stated
         Infinite where the picture is black.
     """
-    finite = np.isfinite(mean).all(axis=2) & np.isfinite(standard_error).all(axis=2)
+    finite = np.isfinite(np.concatenate([mean, standard_error], axis=2)).all(axis=2)
     bad = int(finite.size - np.count_nonzero(finite))
     if bad == finite.size:
         return Stated(math.inf, math.inf, bad)
-    # As an image of one row: pixels are told apart, their places are not.
-    picture = mean[finite][None].astype(np.float64)
-    floor = FLOOR * float(luminance(picture).mean())
+    # As images of one row: pixels are told apart, their places are not.
+    smooth = _brightness(mean, standard_error, finite)[finite][None]
+    floor = FLOOR * float(luminance(mean[finite][None]).mean())
     if not floor > 0.0:
         return Stated(math.inf, math.inf, bad)
-    errors = relative_squared_error(
-        picture + standard_error[finite][None], picture, epsilon=floor**2
-    )
+    errors = relative_squared_error(smooth + standard_error[finite][None], smooth, epsilon=floor**2)
     kept, every = (math.sqrt(trimmed_mean(errors, trim)) for trim in (DEFAULT_TRIM, 0.0))
     return Stated(kept, every, bad)
+
+
+def _brightness(
+    mean: npt.NDArray[np.float32],
+    standard_error: npt.NDArray[np.float32],
+    finite: npt.NDArray[np.bool_],
+) -> FloatArray:
+    """What the finite pixels are judged by: see `stated`."""
+    whole, squares = (
+        np.where(finite[..., None], values, 0.0).astype(np.float64)
+        for values in (mean, standard_error**2)
+    )
+    share = finite.astype(np.float64)[..., None]
+    result = _through(whole, share, NEAR[-1])
+    for width in reversed(NEAR[:-1]):
+        seen = _through(whole, share, width)
+        variance = squares
+        if width > 0.0:
+            # The sum of a Gaussian's squared weights is 1 / (4 pi width²).
+            wide = width / math.sqrt(2.0)
+            variance = _through(squares, share, wide) / (4.0 * math.pi * width**2)
+        result = np.where(seen > KNOWN * np.sqrt(variance), seen, result)
+    return result
+
+
+def _through(values: FloatArray, share: FloatArray, width: float) -> FloatArray:
+    """Values through a Gaussian that sees the finite pixels alone."""
+    if width == 0.0:
+        return values
+    seen, weight = (
+        ndimage.gaussian_filter(image, (width, width, 0.0), mode="nearest")
+        for image in (values, share)
+    )
+    return np.asarray(seen / np.where(weight > 0.0, weight, 1.0))

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import mitsuba as mi
+import numpy as np
+import numpy.typing as npt
 
 from ..analysis.denoise import GUIDES
+from ..analysis.images import channels_luminance
 from ..errors import one_line
 from ..integrators.declaration import Value
 from ..integrators.state import State, unpacked
@@ -155,6 +158,12 @@ class Frames:
         return self._integrator.render(
             subject.scene, subject.sensor, seed=subject.seed, spp=self.plan.spp
         ).array
+
+    def luminances(self) -> npt.NDArray[np.float64]:
+        """Luminances of the next frame's estimates, (K, H, W)."""
+        layout, (height, width) = self.layout, self.size
+        film = np.array(self.render(), dtype=np.float64).reshape(height, width, layout.channels)
+        return np.stack([channels_luminance(film[..., list(place)]) for place in layout.estimates])
 
     def state(self) -> State:
         """What later frames depend on."""

@@ -57,6 +57,11 @@ class Plan:
         return bool(self._value("spatial"))
 
     @property
+    def learns(self) -> bool:
+        """Whether its frames learn from earlier ones."""
+        return bool(self._value("guiding")) or self._value("roulette") == "contribution"
+
+    @property
     def integrator(self) -> dict[str, Value]:
         """All parameters of its integrator, with the auxiliary images of the other estimates."""
         aovs = {"aovs": ",".join(MIXED)} if self.mixes else {}
@@ -100,7 +105,7 @@ def guided(plan: Plan) -> Plan:
 
 
 _UNGUIDED = (
-    Plan("candidates", 8, {"spatial": False}),
+    Plan("candidates", 4, {"spatial": False}),
     shared("light", 9, 3, 1, 20),
     shared("wide", 8, 3, 2, 20),
     shared("shared", 8, 6, 3, 10),

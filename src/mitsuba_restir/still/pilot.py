@@ -1,0 +1,219 @@
+"""The pilot: a few frames of some plans, of which none gets into the picture, and one is chosen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from .mix import mixture
+from .plan import PLANS, Plan
+
+FloatArray = NDArray[np.float64]
+
+Render = Callable[[int], FloatArray]
+"""Renders the next frame with so many trees a pixel: luminances of its K estimates, (K, H, W), the
+last the frame itself."""
+
+SHARE = 0.1
+"""Longest pilot, as a share of the time that there is for the picture."""
+
+LONGEST = 4.0
+"""Longest pilot [s]."""
+
+TREES = 4
+"""Trees a pixel of the pilot's frames: enough to compare plans at equal trees, in less time."""
+
+LEARNT = 4
+"""Frames (of all trees) after which a guide has learnt most of what it will have learnt."""
+
+MEASURED = 3
+"""Most frames of a plan that are measured; the least are 2."""
+
+TIMED = 2
+"""Trees a pixel of the frames that say what a tree takes."""
+
+DEAR = 5
+"""A guess of what a frame of the pilot takes, in those frames, before one has been seen."""
+
+TRIMMED = 0.001
+"""Share of the pixels with the largest errors that are left out."""
+
+SEEN = 3.0
+"""Errors are looked at through a Gaussian of this standard deviation where the picture will be
+denoised [pixels]: a denoiser removes what is finer and keeps what is not."""
+
+WORTH = 0.9
+"""A plan takes the place of one before it only where it needs less than this share of its time."""
+
+ALONE = "candidates"
+"""The plan without reuse. Its frames give the time that a tree takes; its error is that of the
+candidates in the frames of another plan, in which as much of the tail is met."""
+
+RAW = ("rounds", "shared", "rounds_guided", "light", "light_guided")
+"""Other plans in the order in which they are tried; the first is for those who have no time."""
+
+DENOISED = ("light", "light_guided", "rounds", "wide", "rounds_guided")
+"""The same for pictures that will be denoised: what reuse removes, the denoiser would remove."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """
+    What the pilot found of a plan.
+
+    Attributes
+    ----------
+    plan : Plan
+    seconds : float
+        Of one of the frames that were measured.
+    frames : ndarray, (N, K, H, W)
+        Luminances of their estimates.
+    """
+
+    plan: Plan
+    seconds: float
+    frames: FloatArray
+
+
+@dataclass(frozen=True)
+class Choice:
+    """
+    The plan of a picture.
+
+    Attributes
+    ----------
+    plan : Plan
+    why : str
+        In one line.
+    seconds : float
+        That the pilot took.
+    """
+
+    plan: Plan
+    why: str
+    seconds: float
+
+
+def pilot(
+    begin: Callable[[Plan], Render],
+    seconds: float | None,
+    denoise: bool,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Choice:
+    """
+    Measure variance x time of some plans, as many as there is time for, and choose one.
+
+    Parameters
+    ----------
+    begin : callable
+        Prepares to render independent frames of a plan. They must not be those of the picture:
+        another seed makes them independent of it.
+    seconds : float or None
+        Time for the picture; None where it is not known.
+    denoise : bool
+        Whether the picture will be denoised.
+    clock : callable
+        Seconds.
+    """
+    start = clock()
+    end = start + (LONGEST if seconds is None else min(LONGEST, SHARE * seconds))
+    alone = _measure(PLANS[ALONE], TIMED, begin, clock, end)
+    tree = alone.seconds / TIMED
+    measured: list[Measured] = []
+    expected = (1 + MEASURED) * DEAR * alone.seconds
+    for name in DENOISED if denoise else RAW:
+        plan, began = PLANS[name], clock()
+        learning = LEARNT * plan.spp * tree if plan.learns else 0
+        if began + learning + expected > end:
+            break
+        measured.append(_measure(plan, TREES, begin, clock, end))
+        expected = clock() - began - learning
+    if not measured:
+        plan = PLANS[(DENOISED if denoise else RAW)[0]]
+        return Choice(plan, "there was no time to compare it with others", clock() - start)
+    candidates = replace(alone, seconds=TREES * tree, frames=measured[0].frames[:, :1])
+    return choose([*measured, candidates], denoise, clock() - start)
+
+
+def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choice:
+    """
+    The plan that needs the least time for an error.
+
+    Parameters
+    ----------
+    measured : sequence of Measured
+        At equal trees, the first with reuse; of plans that are equally good, the first is chosen.
+    denoise : bool
+        Whether the picture will be denoised.
+    seconds : float
+        That the pilot took.
+    """
+    mean = measured[0].frames[:, -1].mean(axis=0)
+    size = gaussian_filter(mean, SEEN, mode="nearest")
+    scale = np.sqrt(size**2 + (0.01 * mean.mean()) ** 2) + np.finfo(np.float64).tiny
+    costs = [each.seconds * error(each.frames / scale, denoise) for each in measured]
+    best = 0
+    for index, cost in enumerate(costs):
+        best = index if cost < WORTH * costs[best] else best
+    return Choice(measured[best].plan, _why(measured, costs, best, denoise), seconds)
+
+
+def error(frames: FloatArray, denoise: bool) -> float:
+    """
+    Variance of a frame, mean over the pixels without the worst.
+
+    Parameters
+    ----------
+    frames : ndarray, (N, K, H, W)
+        Relative luminances of the estimates; N is at least 2.
+    denoise : bool
+        Whether the error is looked at through a Gaussian.
+    """
+    count = len(frames)
+    deviation = frames - frames.mean(axis=0)
+    covariance = np.einsum("nihw,njhw->ijhw", deviation, deviation) / (count - 1)
+    mixed = np.einsum("khw,nkhw->nhw", mixture(covariance, count), deviation)
+    if denoise:
+        mixed = gaussian_filter(mixed, (0, SEEN, SEEN), mode="nearest")
+    variance = np.sort((mixed**2).sum(axis=0) / (count - 1), axis=None)
+    return float(variance[: max(1, round(variance.size * (1 - TRIMMED)))].mean())
+
+
+def _why(measured: Sequence[Measured], costs: Sequence[float], best: int, denoise: bool) -> str:
+    if not costs[best] > 0:
+        return "no plan found light with noise"
+    others = [
+        f"{each.plan.name} {cost / costs[best]:.2g}"
+        for index, (each, cost) in enumerate(zip(measured, costs, strict=True))
+        if index != best
+    ]
+    seen = f" seen through {SEEN:g} pixels" if denoise else ""
+    return f"variance{seen} x time, relative to its own: {', '.join(others)}"
+
+
+def _measure(
+    plan: Plan,
+    trees: int,
+    begin: Callable[[Plan], Render],
+    clock: Callable[[], float],
+    end: float,
+) -> Measured:
+    """Render some frames of a plan; no more than needed after the end."""
+    render = begin(plan)
+    # The first is compiled and recorded, and the second recorded once more.
+    render(trees)
+    for _ in range(LEARNT if plan.learns else 0):
+        if clock() < end:
+            render(plan.spp)
+    frames: list[FloatArray] = []
+    times: list[float] = []
+    while len(frames) < 2 or (len(frames) < MEASURED and clock() < end):
+        began = clock()
+        frames.append(np.asarray(render(trees), dtype=np.float64))
+        times.append(clock() - began)
+    return Measured(plan, min(times), np.stack(frames))
