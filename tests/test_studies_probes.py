@@ -12,7 +12,7 @@ import pytest
 
 from mitsuba_restir.errors import UsageError
 from mitsuba_restir.studies import load_study, run_study
-from mitsuba_restir.studies.measure.quantities import BENCHMARKS
+from mitsuba_restir.studies.measure.asked import BENCHMARKS
 from mitsuba_restir.studies.runs.software import environment
 from mitsuba_restir.studies.store.disk import lock_folder
 

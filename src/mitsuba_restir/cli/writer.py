@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ..analysis.denoise import denoise
 from ..imageio import RGB, Image
 from . import denoising, output
 
@@ -84,6 +85,6 @@ class Writer:
         self.written += self.target.write(frame, kept, self.kept, metadata)
         if self.guides:
             layers = [self._layer(image, self.guides[kind]) for kind in denoising.GUIDES]
-            clean = denoising.denoise(self._select(image, RGB), *layers)
+            clean = denoise(self._select(image, RGB), *layers).astype(np.float32)
             metadata["denoised"] = "Intel Open Image Denoise"
             self.written += self.target.write(frame, clean, RGB, metadata, DENOISED)

@@ -10,12 +10,20 @@ from ..passes.decorrelate import RULES
 from ..passes.shade import AOVS
 from ..paths.record import MAX_EDGES
 from .declaration import declarations, declared
+from .presets import PRESETS, in_words
 
 
 @dataclass(frozen=True)
 class Parameters:
     """Checked parameters of the integrator; the declarations say what each means."""
 
+    preset: str = declared(
+        "none",
+        f"""Values of other parameters, where these are not given. ``none``: the defaults. ``fast``,
+        least time: {in_words("fast")}. ``raw``, least error as it is: {in_words("raw")}.
+        ``denoised``, least error after a denoiser: {in_words("denoised")}.""",
+        choices=tuple(PRESETS),
+    )
     max_depth: int = declared(
         -1,
         """Longest path depth, as in :ref:`path <integrator-path>`: 1 is directly visible emission,
@@ -201,8 +209,10 @@ def read_parameters(props: Any) -> Parameters:
     ValueError
         For an unknown name or a value outside the allowed range, naming what is allowed.
     """
+    preset = PARAMETERS["preset"]
+    defaults = PRESETS[str(preset.check(props.get("preset", preset.default)))]
     values: dict[str, Any] = {
-        name: declaration.check(props.get(name, declaration.default))
+        name: declaration.check(props.get(name, defaults.get(name, declaration.default)))
         for name, declaration in PARAMETERS.items()
     }
     if unknown := props.unqueried():

@@ -1,0 +1,26 @@
+"""Named operating points: what ``preset`` stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from .declaration import Value
+
+PRESETS: Mapping[str, Mapping[str, Value]] = {
+    "none": {},
+    "fast": {"spatial_neighbors": 1},
+    "raw": {"spatial_rounds": 2, "spatial_radius": 10.0},
+    "denoised": {"guiding": True},
+}
+"""The parameters of each preset, where they are not the defaults."""
+
+
+def in_words(preset: str) -> str:
+    """What a preset sets, as ``name=value`` in reStructuredText."""
+    return ", ".join(f"``{name}={_literal(value)}``" for name, value in PRESETS[preset].items())
+
+
+def _literal(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) else f"{value:g}"
