@@ -14,8 +14,9 @@ from support.runs import assert_unbiased, bias_report, independent_runs, integra
 
 from mitsuba_restir import cli
 from mitsuba_restir.cli import denoising, loading
+from mitsuba_restir.integrators import presets
 from mitsuba_restir.integrators.parameters import PARAMETERS, Parameters
-from mitsuba_restir.integrators.presets import PRESETS
+from mitsuba_restir.integrators.presets import PRESETS, in_words
 
 NAMED = [name for name in PRESETS if name != "none"]
 RUNS, POWER = 256, 0.025
@@ -58,12 +59,17 @@ def test_explicit_parameters_win(rgb, name):
 def test_text_and_reference_page_say_what_a_preset_is(rgb, name):
     renderer = mi.load_dict({"type": "restir_pt", "preset": name})
     page = " ".join(type(renderer).__doc__.split())
+    assert in_words(name) in page
     for parameter, value in PRESETS[name].items():
         assert f"{parameter}={value!r}" in str(renderer)
-        text = (
-            {True: "true", False: "false"}.get(value, value) if isinstance(value, bool) else value
-        )
-        assert f"``{parameter}={text}``" in page
+
+
+def test_words_are_those_of_scene_files(monkeypatch):
+    values = {"guiding": True, "spatial_radius": 40.0, "mutations": 2, "roulette": "contribution"}
+    monkeypatch.setattr(presets, "PRESETS", {"some": values})
+    assert in_words("some") == (
+        "``guiding=true``, ``spatial_radius=40``, ``mutations=2``, ``roulette=contribution``"
+    )
 
 
 @pytest.mark.parametrize("wrong", ["best", "", "Raw", 1])
