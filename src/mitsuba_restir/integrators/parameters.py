@@ -55,6 +55,12 @@ class Parameters:
         20.0, "Radius of the disk they are drawn from [pixels].", low=1, high=256
     )
     spatial_rounds: int = declared(1, "Rounds of spatial reuse per frame.", low=1, high=16)
+    spatial_feedback: int = declared(
+        16,
+        """How many of these rounds the history goes through; the others are for display only.
+        With fewer, frames are noisier as they are and cleaner after a denoiser.""",
+        high=16,
+    )
     neighbor_sampling: str = declared(
         "random",
         """Who the neighbours are. ``random``: reciprocal pairs. ``blue_noise``: pixels exchange

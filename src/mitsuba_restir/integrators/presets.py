@@ -9,8 +9,13 @@ from .declaration import Value
 PRESETS: Mapping[str, Mapping[str, Value]] = {
     "none": {},
     "fast": {"spatial_neighbors": 1},
-    "raw": {"spatial_rounds": 2, "spatial_radius": 10.0},
-    "denoised": {"guiding": True},
+    "raw": {"spatial_rounds": 3, "spatial_radius": 10.0},
+    "denoised": {
+        "guiding": True,
+        "roulette": "contribution",
+        "spatial_neighbors": 2,
+        "spatial_radius": 40.0,
+    },
 }
 """The parameters of each preset, where they are not the defaults."""
 
