@@ -9,7 +9,13 @@ from .declaration import Value
 PRESETS: Mapping[str, Mapping[str, Value]] = {
     "none": {},
     "fast": {"spatial_neighbors": 1},
-    "raw": {"spatial_rounds": 3, "spatial_radius": 10.0},
+    "raw": {
+        "guiding": True,
+        "roulette": "contribution",
+        "spatial_rounds": 2,
+        "spatial_radius": 10.0,
+        "spatial_feedback": 1,
+    },
     "denoised": {
         "guiding": True,
         "roulette": "contribution",
