@@ -25,7 +25,7 @@ import numpy as np
 from mitsuba_restir.analysis.denoise import denoise
 from mitsuba_restir.analysis.duplication import duplicated_share
 from mitsuba_restir.analysis.images import FloatArray, luminance, smoothed_reference
-from mitsuba_restir.analysis.metrics import relmse
+from mitsuba_restir.analysis.metrics import relmse, trimmed_relmse
 from mitsuba_restir.cli.arguments import assignment
 from mitsuba_restir.cli.parameters import parse_parameters
 
@@ -74,7 +74,7 @@ def last_frame(scene: Any, integrator: Any, seed: int) -> FloatArray:
 
 def errors(frame: FloatArray, reference: FloatArray, random: np.random.Generator) -> list[float]:
     """
-    relMSE after the denoiser, and what it would be otherwise.
+    relMSE as rendered and after the denoiser, and what that would be otherwise.
 
     Parameters
     ----------
@@ -86,8 +86,8 @@ def errors(frame: FloatArray, reference: FloatArray, random: np.random.Generator
     Returns
     -------
     list of float
-        As it is; shuffled in each of `BLOCKS`; with bright pixels set right; then the share of
-        pixels that hold a path which another one nearby holds as well.
+        Trimmed, as rendered; denoised as it is, shuffled in each of `BLOCKS`, and with bright
+        pixels set right; the share of pixels that hold a path which another one nearby holds too.
     """
     colour, albedo, normal, paths = np.split(frame, 4, axis=-1)
     bright = luminance(colour) > BRIGHT * smoothed_reference(luminance(reference))
@@ -98,7 +98,8 @@ def errors(frame: FloatArray, reference: FloatArray, random: np.random.Generator
         np.where(bright[..., None], reference, colour),
     ]
     found = [relmse(denoise(image, albedo, normal), reference) for image in images]
-    return [*found, duplicated_share(paths[..., -1].astype(np.int64))]
+    raw = trimmed_relmse(colour, reference)
+    return [raw, *found, duplicated_share(paths[..., -1].astype(np.int64))]
 
 
 def main(source: str, reference_file: str, *assignments: str) -> None:
@@ -111,7 +112,13 @@ def main(source: str, reference_file: str, *assignments: str) -> None:
     integrator = loading.make_integrator("restir_pt", {"max_depth": 10, **parameters, "aovs": AOVS})
     random = np.random.default_rng(0)
     rows = [errors(last_frame(scene, integrator, n), reference, random) for n in range(HISTORIES)]
-    names = ["as it is", *(f"shuffled in {b} px" for b in BLOCKS), "bright set right", "duplicated"]
+    names = [
+        "raw, trimmed",
+        "as it is",
+        *(f"shuffled in {b} px" for b in BLOCKS),
+        "bright set right",
+        "duplicated",
+    ]
     for name, values in zip(names, np.transpose(rows), strict=True):
         error = values.std(ddof=1) / np.sqrt(HISTORIES)
         print(f"{name:20s} {values.mean():.4f} +- {error:.4f}")
