@@ -21,6 +21,7 @@ PRESETS: Mapping[str, Mapping[str, Value]] = {
         "roulette": "contribution",
         "spatial_neighbors": 2,
         "spatial_radius": 40.0,
+        "neighbor_sampling": "blue_noise",
     },
 }
 """The parameters of each preset, where they are not the defaults."""
