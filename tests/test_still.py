@@ -498,7 +498,7 @@ BARE = Plan("bare", 2, {"spatial": False})
 
 def first_frames(scene: mi.Scene) -> list[np.ndarray]:
     frames = Frames(of(scene), BARE)
-    return [frames.luminances() for _ in range(3)]
+    return [frames.luminances(frames.plan.spp) for _ in range(3)]
 
 
 def test_frames_of_the_pilot_are_not_in_the_picture(room, pilots):

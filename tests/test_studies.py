@@ -31,6 +31,7 @@ from mitsuba_restir.studies import load_study, packaged_studies, run_study
 from mitsuba_restir.studies.config.files import dump_study
 from mitsuba_restir.studies.config.study import Reference, Study, Variant
 from mitsuba_restir.studies.config.tables import from_table, to_table
+from mitsuba_restir.studies.measure.probes import GUIDED, GUIDED_TRIMMED
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.report.words import facts
 from mitsuba_restir.studies.runs.reference import smooth
@@ -109,7 +110,7 @@ def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     monkeypatch.setattr(runner, "load_scene", lambda study: None)
     monkeypatch.setattr(runner, "make_renderer", _fake(entries))
     monkeypatch.setattr(reference_module, "make_renderer", _fake(entries))
-    probes = dict.fromkeys(runner.PROBES, _fake_probe)
+    probes = {**dict.fromkeys(runner.PROBES, _fake_probe), "guided_denoising": _fake_denoising}
     monkeypatch.setattr(runner, "PROBES", probes)
     return entries
 
@@ -123,6 +124,10 @@ def _fake_probe(
         "duplicated paths r=8, after mutations": 0.5,
         "light": 0.5,
     }
+
+
+def _fake_denoising(*_: object) -> dict[str, float]:
+    return {GUIDED: 0.5, GUIDED_TRIMMED: 0.25}
 
 
 def _view(**changes: object) -> str:
@@ -368,7 +373,7 @@ def test_every_quantity_can_be_measured(
 ) -> None:
     if "flip" in name:
         pytest.importorskip("flip_evaluator")
-    if name in ("denoised", "average"):
+    if name in ("denoised", "denoised_guided", "average"):
         pytest.importorskip("mitsuba_oidn")
     changes = [f'quantities=["{name}"]', "warmup=0", "keep='all'", 'sizes=["48x32"]']
     changes += ["reference.spp=4096", "runs=4"]

@@ -12,7 +12,7 @@ import pytest
 
 from mitsuba_restir.errors import UsageError
 from mitsuba_restir.studies import load_study, run_study
-from mitsuba_restir.studies.measure.quantities import BENCHMARKS
+from mitsuba_restir.studies.measure.asked import BENCHMARKS
 from mitsuba_restir.studies.runs.software import environment
 from mitsuba_restir.studies.store.disk import lock_folder
 
@@ -94,3 +94,52 @@ def test_two_processes_cannot_share_a_folder(tmp_path: Path) -> None:
     lock.release()
     assert subprocess.run(command, check=False).returncode == 0
     assert np.array_equal([f.name for f in tmp_path.iterdir()], [".lock"])
+
+
+DENOISED = """
+name = "guided"
+scene = "cornell"
+sizes = ["32x16"]
+max_depth = 4
+frames = 2
+warmup = 1
+probe_runs = 2
+quantities = ["denoised_guided"]
+
+[reference]
+spp = 512
+batches = 4
+
+[variants.path]
+type = "path"
+
+[variants.frame]
+type = "restir_pt"
+
+[variants.many]
+type = "restir_pt"
+spp = 64
+"""
+
+
+@pytest.mark.slow
+def test_denoised_frames_are_measured_with_guides(tmp_path: Path) -> None:
+    pytest.importorskip("mitsuba_oidn")
+    (tmp_path / "guided.toml").write_text(DENOISED)
+    table = run_study(load_study(str(tmp_path / "guided.toml")), tmp_path / "out")
+    found = {(row.variant, row.quantity): row for row in table.rows}
+    name = "relMSE after OIDN with albedo and normals"
+    # Auxiliary images are those of restir_pt: path has none.
+    assert {variant for variant, _ in found} == {"frame", "many"}
+    assert 0.0 < found["many", name].value.value < found["frame", name].value.value
+    assert found["frame", f"{name}, trimmed"].value.value <= found["frame", name].value.value
+
+
+def test_a_denoiser_that_is_missing_is_said_before_anything_is_rendered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "guided.toml").write_text(DENOISED)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    study = load_study(str(tmp_path / "guided.toml"))
+    with pytest.raises(UsageError, match="'denoised_guided' needs pip install mitsuba-oidn"):
+        run_study(study, tmp_path / "out")

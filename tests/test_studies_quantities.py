@@ -529,3 +529,31 @@ def test_averages_are_measured_raw_and_denoised() -> None:
     raw = rows["a", "relMSE of the average, trimmed"].value.value
     assert raw == pytest.approx(0.01 / 1.01, rel=0.05)
     assert rows["a", "relMSE of the average after OIDN"].value.value < 0.1 * raw
+
+
+def test_errors_times_the_time_of_their_own_run() -> None:
+    """Frames of run k take k + 1 seconds; relMSE of an error of 0.1 is 0.01 / 1.01."""
+    images = 1.0 + 0.1 * np.ones((2, 3, *SHAPE))
+    data = _data({"a": _grey(images), "b": _grey(1.0 + 2.0 * (images - 1.0))}, _exact())
+    timed = {
+        name: [replace(run, times=(k + 1.0) * run.times) for k, run in enumerate(runs)]
+        for name, runs in data.runs.items()
+    }
+    rows = _rows("error_time", replace(data, runs=timed))
+    error = rows["a", "relMSE, trimmed, x time"]
+    assert error.value.value == pytest.approx(1500.0 * 0.01 / 1.01, rel=1e-3)
+    assert error.unit == "ms"
+    # A constant error is seen whole through any Gaussian.
+    for sigma in (3, 8):
+        seen = rows["a", f"filtered MSE, {sigma} px, x time"].value.value
+        assert seen == pytest.approx(1500.0 * 0.01 / 1.01**2, rel=0.05)
+    ratio = rows["b", "relMSE, trimmed, x time"].ratio
+    assert ratio is not None
+    assert ratio.value == pytest.approx(4.0, rel=1e-3)
+
+
+def test_variants_that_were_not_rendered_have_no_error_times_time() -> None:
+    data = _data({"a": _grey(np.full((2, 1, *SHAPE), 1.1))}, _exact())
+    blurred = [replace(run, times=np.zeros(0)) for run in data.runs["a"]]
+    rows = _rows("error_time", replace(data, runs={**data.runs, "blurred": blurred}))
+    assert {variant for variant, _ in rows} == {"a"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,20 @@ GUIDES = ("albedo", "sh_normal")
 """Types of the auxiliary images that the denoiser is guided by."""
 
 
-def denoise(image: ArrayLike) -> FloatArray:
+def denoise(
+    image: ArrayLike, albedo: ArrayLike | None = None, normal: ArrayLike | None = None
+) -> FloatArray:
     """
-    Denoise an image with OIDN's filter for high dynamic range, without guides.
+    Denoise an image with OIDN's filter for high dynamic range.
 
     Parameters
     ----------
     image : array_like, (H, W, 3)
         Linear colour, rendered with a box filter: a wider one correlates the noise of neighbouring
         pixels, and the denoiser keeps it.
+    albedo, normal : array_like, (H, W, 3), optional
+        What guides the filter: diffuse albedo in [0, 1] and shading normal in world space. A normal
+        without an albedo is of no use to it.
 
     Returns
     -------
@@ -32,15 +38,20 @@ def denoise(image: ArrayLike) -> FloatArray:
     ------
     ImportError
         If `mitsuba-oidn` is not installed.
+    ValueError
+        A value of the image is not finite.
     """
-    oidn = _oidn()
-    colour = np.ascontiguousarray(finite(image, "The image", (3,)), dtype=np.float32)
-    return np.array(oidn.denoise(colour, hdr=True), dtype=np.float64)
+    guides = {
+        name: guide
+        for name, guide in {"albedo": albedo, "normal": normal}.items()
+        if guide is not None
+    }
+    return _filtered(finite(image, "The image", (3,)), guides).astype(np.float64)
 
 
 def denoise_guided(colour: Image, albedo: Image, normal: Image) -> Image:
     """
-    Denoise one image with OIDN, guided by what the camera sees.
+    Denoise a picture that is shown: as `denoise`, but values that are not finite are passed on.
 
     Parameters
     ----------
@@ -57,15 +68,18 @@ def denoise_guided(colour: Image, albedo: Image, normal: Image) -> Image:
     ImportError
         If `mitsuba-oidn` is not installed.
     """
-    oidn = _oidn()
-    arrays = [np.ascontiguousarray(a, dtype=np.float32) for a in (colour, albedo, normal)]
-    result = oidn.denoise(arrays[0], albedo=arrays[1], normal=arrays[2], hdr=True)
-    return np.array(result, dtype=np.float32)
+    return _filtered(colour, {"albedo": albedo, "normal": normal})
 
 
 def require() -> None:
     """Raise ImportError, with what to install, where the denoiser is not installed."""
     _oidn()
+
+
+def _filtered(colour: ArrayLike, guides: Mapping[str, ArrayLike]) -> Image:
+    images = {name: np.ascontiguousarray(g, dtype=np.float32) for name, g in guides.items()}
+    colour = np.ascontiguousarray(colour, dtype=np.float32)
+    return np.array(_oidn().denoise(colour, hdr=True, **images), dtype=np.float32)
 
 
 def _oidn() -> Any:

@@ -6,6 +6,9 @@ import importlib.util
 
 from ..errors import UsageError
 
+PRESET = "denoised"
+"""Preset of the frames that are denoised, where none is asked for."""
+
 
 def require() -> None:
     """

@@ -110,7 +110,9 @@ def add_command(commands: Any) -> None:
         "name:type",
     )
     parser.add_argument(
-        "--denoise", action="store_true", help="also write each picture denoised (OIDN)"
+        "--denoise",
+        action="store_true",
+        help="also write each picture denoised (OIDN); takes preset=denoised where -p gives none",
     )
     parser.add_argument(
         "--keep-filter",
@@ -130,6 +132,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("argument --denoise: needs the box filter, leave out --keep-filter")
     if options.denoise:
         denoising.require()
+        parameters = {"preset": denoising.PRESET, **parameters}
     path = camera_path.load(options.camera_path) if options.camera_path else None
     schedule = _schedule(options, path)
     numbered = not options.average and schedule.frames != 1

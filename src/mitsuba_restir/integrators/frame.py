@@ -265,12 +265,15 @@ def share_paths(
     strategy = STRATEGIES[parameters.neighbor_sampling]
     sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
     first = color if parameters.shows("first_round") else mi.Color3f(0)
+    kept = reservoirs
     for index in range(parameters.spatial_rounds if parameters.spatial else 0):
         merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
         reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
         outcomes.append(merged.outcomes)
         first = color if index == 0 and parameters.shows("first_round") else first
         dr.eval(reservoirs, color, merged.outcomes, estimators if parameters.selects else None)
+        if index < parameters.spatial_feedback:
+            kept = reservoirs
 
     colors = None
     if sampled.colors is not None:
@@ -285,7 +288,7 @@ def share_paths(
     extra = auxiliary(kinds, moved, shown)
     beside = replace(beside, refused=dr.sum(beside.refused))
     dr.eval(color, extra, beside)
-    history = History(reservoirs, now.hit, colors, sampled.learnt)
+    history = History(kept, now.hit, colors, sampled.learnt)
     return Frame(color, extra, outcomes, sampled.matched, mutated, beside, history)
 
 

@@ -10,12 +10,20 @@ from ..passes.decorrelate import RULES
 from ..passes.shade import AOVS
 from ..paths.record import MAX_EDGES
 from .declaration import declarations, declared
+from .presets import PRESETS, in_words
 
 
 @dataclass(frozen=True)
 class Parameters:
     """Checked parameters of the integrator; the declarations say what each means."""
 
+    preset: str = declared(
+        "none",
+        f"""Values of other parameters, where these are not given. ``none``: the defaults. ``fast``,
+        least time: {in_words("fast")}. ``raw``, least error as it is: {in_words("raw")}.
+        ``denoised``, least error after a denoiser: {in_words("denoised")}.""",
+        choices=tuple(PRESETS),
+    )
     max_depth: int = declared(
         -1,
         """Longest path depth, as in :ref:`path <integrator-path>`: 1 is directly visible emission,
@@ -47,6 +55,12 @@ class Parameters:
         20.0, "Radius of the disk they are drawn from [pixels].", low=1, high=256
     )
     spatial_rounds: int = declared(1, "Rounds of spatial reuse per frame.", low=1, high=16)
+    spatial_feedback: int = declared(
+        16,
+        """How many of these rounds the history goes through; the others are for display only.
+        With fewer, frames are noisier as they are and cleaner after a denoiser.""",
+        high=16,
+    )
     neighbor_sampling: str = declared(
         "random",
         """Who the neighbours are. ``random``: reciprocal pairs. ``blue_noise``: pixels exchange
@@ -200,8 +214,10 @@ def read_parameters(props: Any) -> Parameters:
     ValueError
         For an unknown name or a value outside the allowed range, naming what is allowed.
     """
+    preset = PARAMETERS["preset"]
+    defaults = PRESETS[str(preset.check(props.get("preset", preset.default)))]
     values: dict[str, Any] = {
-        name: declaration.check(props.get(name, declaration.default))
+        name: declaration.check(props.get(name, defaults.get(name, declaration.default)))
         for name, declaration in PARAMETERS.items()
     }
     if unknown := props.unqueried():

@@ -119,7 +119,7 @@ def chosen(subject: Subject, goal: Goal) -> Choice:
     """What a pilot finds; its frames have another seed and share nothing with the picture's."""
     apart = replace(subject, seed=_other_seed(subject.seed))
 
-    def begin(plan: Plan) -> Callable[[], npt.NDArray[np.float64]]:
+    def begin(plan: Plan) -> Callable[[int], npt.NDArray[np.float64]]:
         return Frames(apart, plan).luminances
 
     return pilot(begin, goal.seconds, subject.guides)

@@ -154,15 +154,18 @@ class Frames:
 
     def render(self) -> mi.Float:
         """The next frame's film, its channels interleaved."""
+        return self._film(self.plan.spp)
+
+    def _film(self, trees: int) -> mi.Float:
         subject = self.subject
         return self._integrator.render(
-            subject.scene, subject.sensor, seed=subject.seed, spp=self.plan.spp
+            subject.scene, subject.sensor, seed=subject.seed, spp=trees
         ).array
 
-    def luminances(self) -> npt.NDArray[np.float64]:
-        """Luminances of the next frame's estimates, (K, H, W)."""
+    def luminances(self, trees: int) -> npt.NDArray[np.float64]:
+        """Luminances of the next frame's estimates, (K, H, W), with so many trees a pixel."""
         layout, (height, width) = self.layout, self.size
-        film = np.array(self.render(), dtype=np.float64).reshape(height, width, layout.channels)
+        film = np.array(self._film(trees), dtype=np.float64).reshape(height, width, layout.channels)
         return np.stack([channels_luminance(film[..., list(place)]) for place in layout.estimates])
 
     def state(self) -> State:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Iterator
 
 from ...errors import UsageError
 from ..config.study import Study
-from .quantities import QUANTITIES, unknown_quantity
+from .quantities import QUANTITIES
+
+BENCHMARKS = ("rays", "kernels", "memory", "startup")
+"""What was a quantity once, and is measured by ``python -m benchmarks.NAME``."""
 
 
 def check_quantities(study: Study) -> None:
@@ -20,7 +24,7 @@ def check_quantities(study: Study) -> None:
     """
     for name in study.quantities:
         if name not in QUANTITIES:
-            raise UsageError(f"{study.name}: {unknown_quantity(name)}")
+            raise UsageError(f"{study.name}: {_unknown_quantity(name)}")
         for lack in _lacks(study, name):
             raise UsageError(f"{study.name}: '{name}' {lack}")
 
@@ -46,5 +50,14 @@ def _lacks(study: Study, name: str) -> Iterator[str]:
         yield "needs keep = 'all' and at least 2 frames"
     if needs.sequences and study.stride > 1:
         yield "needs consecutive frames: stride = 1"
+    if needs.package and importlib.util.find_spec(needs.package) is None:
+        yield f"needs pip install {needs.package.replace('_', '-')}"
     if study.runs < needs.least_runs:
         yield f"needs at least {needs.least_runs} runs"
+
+
+def _unknown_quantity(name: str) -> str:
+    """Say what is wrong with the name of a quantity that there is not."""
+    if name in BENCHMARKS:
+        return f"'{name}' is a benchmark, no quantity: python -m benchmarks.{name} STUDY"
+    return f"unknown quantity '{name}'; there are {', '.join(QUANTITIES)}"

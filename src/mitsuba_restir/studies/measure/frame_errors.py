@@ -16,6 +16,9 @@ CLIP = 4.0
 SIGMA = 1.5
 """Of the Gaussian through which the filtered error is seen, in pixels."""
 
+BLOTCHES = (3.0, 8.0)
+"""Of the Gaussians through which nothing but blotches is seen, in pixels."""
+
 
 def frames_of(data: Measured, run: Run) -> Image:
     """

@@ -1,15 +1,19 @@
 """Probes: what frames with auxiliary images say, which no run of a study keeps.
 
-What `restir_pt` says of its frames, the paths that pixels share, and spectra of mutations.
+What `restir_pt` says of its frames, the paths that pixels share, what a guided denoiser makes of
+frames, and spectra of mutations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ...analysis import metrics
+from ...analysis.denoise import denoise
 from ...analysis.duplication import duplicated_share
 from ..config.study import Size, Study
 from ..runs.probing import probed_frames
@@ -65,5 +69,32 @@ def _mutation_spectra(
     return _mean([mutation_spectra.numbers(tensor, reference) for tensor, _ in frames])
 
 
-PROBES: Mapping[str, Probe] = {"statistics": _statistics, "mutation_spectra": _mutation_spectra}
+def _guided_denoising(
+    study: Study, size: Size, name: str, index: int, load_reference: LoadReference
+) -> dict[str, float]:
+    """Mean over the frames: relMSE after the denoiser that ``render --denoise`` runs."""
+    reference = load_reference()
+    assert reference is not None
+    found = []
+    for tensor, _ in probed_frames(study, size, name, index, "albedo,sh_normal"):
+        clean = denoise(*np.split(tensor, 3, axis=-1))
+        relmse = partial(
+            metrics.trimmed_relmse,
+            clean,
+            reference.image,
+            epsilon=study.epsilon,
+            reference_variance=reference.variance,
+        )
+        found.append({GUIDED: relmse(trim=0.0), GUIDED_TRIMMED: relmse(trim=study.trim)})
+    return _mean(found)
+
+
+GUIDED = "relMSE after OIDN with albedo and normals"
+GUIDED_TRIMMED = f"{GUIDED}, trimmed"
+
+PROBES: Mapping[str, Probe] = {
+    "statistics": _statistics,
+    "mutation_spectra": _mutation_spectra,
+    "guided_denoising": _guided_denoising,
+}
 """Probes by name."""

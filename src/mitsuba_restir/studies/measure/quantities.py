@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from . import biases, cold_start, correlations, errors, noise, probed, times, variances
 from .errors import of_frames, of_mean, one_by_one
-from .frame_errors import SIGMA, last_frame_of
+from .frame_errors import BLOTCHES, SIGMA, last_frame_of
+from .probes import GUIDED, GUIDED_TRIMMED
 from .results import Measured, Number, Refused, Row, Rows
 
 
@@ -34,6 +35,8 @@ class Quantity:
         Independent runs that it needs.
     probe : str
         Name of the probe that measures it; empty for what is measured from images and times.
+    package : str
+        Module without which its probe cannot run; empty where there is none.
     """
 
     measure: Rows
@@ -43,14 +46,12 @@ class Quantity:
     sequences: bool = False
     least_runs: int = 1
     probe: str = ""
+    package: str = ""
 
     def rows(self, data: Measured) -> Iterator[Row | Refused]:
         """Measure."""
         return self.measure(data, self.numbers)
 
-
-BLOTCHES = (3.0, 8.0)
-"""Of the Gaussians through which nothing but blotches is seen, in pixels."""
 
 _CLIPPED = Number(
     "relative RMSE, clipped",
@@ -114,6 +115,15 @@ QUANTITIES: Mapping[str, Quantity] = {
             Number("relMSE of the average after OIDN", chart=True),
         ],
         needs_reference=True,
+    ),
+    "error_time": Quantity(
+        times.errors_and_times,
+        [
+            Number("relMSE, trimmed, x time", "ms", heading="relMSE, trimmed, x time"),
+            *(Number(f"filtered MSE, {sigma:g} px, x time", "ms") for sigma in BLOTCHES),
+        ],
+        needs_reference=True,
+        least_runs=2,
     ),
     "variance": Quantity(
         variances.variances,
@@ -249,6 +259,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         ],
         needs_reference=True,
     ),
+    "denoised_guided": Quantity(
+        probed.of_probe("guided_denoising", compared=True),
+        [Number(GUIDED, chart=True), Number(GUIDED_TRIMMED)],
+        needs_reference=True,
+        probe="guided_denoising",
+        package="mitsuba_oidn",
+    ),
     "mean_ratio": Quantity(biases.mean_ratios, [Number("mean ratio")], needs_reference=True),
     "mean_bias": Quantity(
         biases.paired_mean,
@@ -279,13 +296,3 @@ NUMBERS: Mapping[str, Number] = {
     number.name: number for quantity in QUANTITIES.values() for number in quantity.numbers
 }
 """Every number that is known beforehand, by name."""
-
-BENCHMARKS = ("rays", "kernels", "memory", "startup")
-"""What was a quantity once, and is measured by ``python -m benchmarks.NAME``."""
-
-
-def unknown_quantity(name: str) -> str:
-    """Say what is wrong with the name of a quantity that there is not."""
-    if name in BENCHMARKS:
-        return f"'{name}' is a benchmark, no quantity: python -m benchmarks.{name} STUDY"
-    return f"unknown quantity '{name}'; there are {', '.join(QUANTITIES)}"

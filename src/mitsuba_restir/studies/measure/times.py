@@ -1,8 +1,10 @@
-"""Quantities of time: of a frame, frames per second, and errors at equal time."""
+"""Quantities of time: of a frame, frames per second, errors at equal time, error times time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,10 +13,11 @@ from ...analysis.images import FloatArray
 from ...analysis.intervals import Interval
 from ..runs.results import Run
 from . import noise
-from .errors import means_of, relmse
-from .noise import shares
-from .results import Measured, Number, Refused, Row
-from .rows import lone, make_row, ratio_of, unless_noisy
+from .errors import means_of, relmse, trimmed_relmse
+from .frame_errors import BLOTCHES, filtered_mse, frames_of
+from .noise import Parts, shares
+from .results import Measure, Measured, Number, Refused, Row
+from .rows import lone, make_row, per_run, ratio_of, reference_of, unless_noisy
 
 
 def _times(data: Measured) -> dict[str, list[FloatArray]]:
@@ -123,6 +126,33 @@ def _equal_time(data: Measured, trim: float, readings: Sequence[Number]) -> Iter
                 value = ratio_of(base, cost) or value
                 p_value = intervals.sign_flip_p_value(base, cost)
             yield make_row(data, name, number, value, None, p_value)
+
+
+def errors_and_times(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refused]:
+    """
+    Trimmed relMSE and blotches of a frame, each times the median time of a frame of its run.
+
+    What is smaller than a baseline's is better at equal time, as far as errors fall with the number
+    of frames as those of independent frames do.
+    """
+    kinds: list[tuple[Measure, Parts]] = [(trimmed_relmse, noise.trimmed)]
+    kinds += [(_seen_through(sigma), partial(noise.filtered, sigma=sigma)) for sigma in BLOTCHES]
+    last = {name: [run.last for run in runs] for name, runs in data.runs.items()}
+    timed = {name: [run for run in runs if run.times.size] for name, runs in data.runs.items()}
+    for number, (measure, parts) in zip(numbers, kinds, strict=True):
+        rows = per_run(replace(data, runs=timed), number, partial(_error_and_time, data, measure))
+        yield from unless_noisy(data, number.name, shares(data, last, parts), rows)
+
+
+def _seen_through(sigma: float) -> Measure:
+    return lambda _, image, reference: filtered_mse(image[None], reference, sigma)
+
+
+def _error_and_time(data: Measured, measure: Measure, run: Run) -> float:
+    """Return error times milliseconds."""
+    reference = reference_of(data)
+    error = np.mean([measure(data, frame, reference) for frame in frames_of(data, run)])
+    return float(error * 1e3 * np.median(run.times))
 
 
 def _error_of_a_frame(data: Measured, run: Run, trim: float) -> float:

@@ -13,7 +13,7 @@ from ..config.study import Size, Study
 from .rendering import make_renderer, seed_of
 from .scene import load_scene
 
-REFERENCED = frozenset({"mutation_spectra"})
+REFERENCED = frozenset({"mutation_spectra", "guided_denoising"})
 """Probes whose answers depend on the reference."""
 
 KEY = 3
