@@ -265,7 +265,7 @@ def test_ctrl_c_while_a_frame_is_recorded_comes_out(rgb, monkeypatch):
             renderer.render(scene, spp=1)
     assert isinstance(root(error.value), KeyboardInterrupt)
     assert renderer.render(scene, spp=1).shape == (4, 4, 3)
-    assert renderer._sample_paths._recordable
+    assert renderer._stages.sample._recordable
 
 
 PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -385,6 +385,18 @@ SLOW = {
     "doctor": ["doctor"],
     "mask": ["mask", "--size", "16", "-o", "out"],
     "render": [*RENDER, "-o", "out.png"],
+    "still": [
+        "still",
+        "cornell",
+        "--resolution",
+        "16x9",
+        "--plan",
+        "light",
+        "--frames",
+        "2",
+        "-o",
+        "out.png",
+    ],
     "compare": ["compare", "ajar", "--resolution", "16x9", "--frames", "1", "-o", "out"],
     "evaluate": ["evaluate", "tiny.toml", "-o", "out", "-s", "runs=2"],
 }
@@ -396,6 +408,7 @@ def finished(name: str, folder: Path) -> bool:
     results = {
         "mask": "out/void_and_cluster-16.npy",
         "render": "out.png",
+        "still": "out.png",
         "compare": "out/compare.json",
         "evaluate": "out/report.html",
     }

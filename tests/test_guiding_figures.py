@@ -15,7 +15,7 @@ from support.runs import integrator
 
 from mitsuba_restir import scenes
 from mitsuba_restir.guiding import figures
-from mitsuba_restir.guiding.cells import CELLS
+from mitsuba_restir.guiding.cells import CELLS, cells_of
 from mitsuba_restir.guiding.guide import no_guide
 from mitsuba_restir.guiding.share import SHARES
 
@@ -66,11 +66,11 @@ def test_a_guide_finds_more_light(rgb):
 
 def test_figures_of_a_guide_that_is_known(rgb):
     """A quarter of the table, then all of it; the room is diffuse, so that all of it is guided."""
-    scene = references.CASES["room"].load()
     _, renderer = rendered(1)
-    hit, nothing = renderer._history.hits, no_guide(scene)
+    hit, nothing = renderer._history.hits, no_guide()
+    cells = cells_of(references.CASES["room"].load())
     assert figures.cells_in_use(nothing) == 0
-    assert figures.mean_share_of_bsdf(nothing, hit) == 1
+    assert figures.mean_share_of_bsdf(cells, nothing, hit) == 1
     roots = np.zeros(CELLS, np.float32)
     roots[::4] = 1
     assert figures.cells_in_use(replace(nothing, sums=[mi.Float(roots)])) == 0.25
@@ -78,4 +78,4 @@ def test_figures_of_a_guide_that_is_known(rgb):
         nothing, sums=[dr.ones(mi.Float, CELLS)], alpha=dr.full(mi.Float, 0.7, CELLS)
     )
     assert figures.cells_in_use(everywhere) == 1
-    assert figures.mean_share_of_bsdf(everywhere, hit) == pytest.approx(0.7)
+    assert figures.mean_share_of_bsdf(cells, everywhere, hit) == pytest.approx(0.7)

@@ -83,7 +83,7 @@ def found(name: str) -> bool:
 
 def test_alpha_of_the_wrong_vertex_is_seen(rgb, frozen):  # noqa: F811
     factor = "ratio = dr.select(chosen.pdf > 0, g / chosen.pdf, 0)"
-    elsewhere = "alpha_at(guide, cell_at(guide.cells, si.p + 0.37, si.n), vertex, usable)"
+    elsewhere = "alpha_at(guide, cell_at(self.cells, si.p + 0.37, si.n), vertex, usable)"
     apply(frozen, (Mutation(factor, f"{factor}; alpha = {elsewhere}"),))
     assert found("room")
 
@@ -97,7 +97,7 @@ def test_learning_from_what_is_drawn_is_seen(rgb, monkeypatch):
         assert isinstance(steering, ByGuide)
         early = drawn(scope, hit, spp, policy, continued).reservoirs
         dr.eval(early)
-        guide = learn(steering.guide, early, hit, 1.0)
+        guide = learn(steering.cells, steering.guide, early, hit, 1.0)
         guide.alpha = dr.select(guide.sums[0] > 0, mi.Float(0.5), 1)
         dr.eval(guide)
         policy = replace(policy, steering=replace(steering, guide=guide))

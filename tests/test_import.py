@@ -84,3 +84,20 @@ def test_plugin_is_declared_for_mitsuba_3_10():
     if entry is None:
         pytest.skip("the package is not installed")
     assert entry.value == "mitsuba_restir.integrators.restir_pt"
+
+
+def test_stills_can_be_imported_without_a_variant():
+    """And cost those who do not ask for them nothing."""
+    run("""
+        import sys
+        import mitsuba_restir
+        assert not any(name.startswith("mitsuba_restir.still") for name in sys.modules)
+        assert "scipy" not in sys.modules
+        from mitsuba_restir import still
+        import mitsuba as mi
+        assert mi.variant() is None
+        assert callable(still.render)
+        mi.set_variant("llvm_ad_rgb")
+        RENDER
+        render()
+    """)

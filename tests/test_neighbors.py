@@ -401,7 +401,7 @@ def test_frames_repeat_and_are_neither_recorded_nor_compiled_again(rgb, sampling
     assert all(np.isfinite(image).all() and image.min() >= 0 for image in again)
     assert history
     assert all(entry["cache_hit"] for entry in history)
-    recorded = renderer._share_paths._recorded
+    recorded = renderer._stages.share._recorded
     assert recorded is not None
     before = recorded.n_recordings
     renderer.render(scene, seed=9, spp=1)

@@ -176,6 +176,26 @@ def test_the_stated_error_is_that_of_many_stills(rgb):
     assert math.sqrt(np.mean(told) / np.mean(true)) == pytest.approx(1.0, abs=0.15)
 
 
+def test_a_value_that_is_not_finite_stays_where_it_is(rgb, monkeypatch):
+    """Weights may look at a pixel's neighbours: what is not finite must not get there."""
+
+    def everywhere(covariance: np.ndarray, frames: int) -> np.ndarray:
+        weights = inverse_variance(covariance, frames)
+        return np.broadcast_to(weights.mean(axis=(1, 2), keepdims=True), weights.shape).copy()
+
+    monkeypatch.setattr(growth, "mixture", everywhere)
+
+    def draw(rng: np.random.Generator, pixels: int) -> np.ndarray:
+        frame = colours(rng, pixels)
+        frame[3, 17] = np.inf
+        return frame
+
+    result = grown(Urn(draw, 2), 9).still()
+    assert np.argwhere(~np.isfinite(result.image).all(axis=2)).tolist() == [[1, 1]]
+    assert result.remark.startswith("1 pixel is not finite")
+    assert 0 < result.error < 1
+
+
 # ------------------------------ when to stop ----------------------------------------------------
 
 

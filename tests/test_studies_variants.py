@@ -253,7 +253,11 @@ def test_what_is_made_of_others_renders_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("motion", "message"),
     [
-        ("", "give a step of the camera, or a light"),
+        ("", "give a step of the camera, a light"),
+        (
+            "step = [0, 0, 1]\ncut_from = { fov = 9, origin = [0, 0, 1], target = [0, 0, 0] }",
+            "alone",
+        ),
         ('light = "light.to_world"', "light and light_step go together"),
         ("light_step = [0, 0, 1]", "a light and its step"),
         ("step = [0, 1]", "step must be three finite numbers"),
@@ -332,6 +336,24 @@ def test_a_light_moves_and_comes_back(tmp_path: Path) -> None:
     # 0.6 to the left, the lamp lights the left wall more and the right one less.
     left, right = (images[2][:, half].mean() for half in (slice(4), slice(20, 24)))
     assert left / right > 1.5 * images[0][:, :4].mean() / images[0][:, 20:].mean()
+
+
+@pytest.mark.slow
+def test_a_cut_ends_where_the_reference_is(tmp_path: Path) -> None:
+    """After a cut the camera is the study's own; before it, what only the other one sees."""
+    cut = (
+        "motion.light=''", "motion.light_step=[0,0,0]", "frames=3", "warmup=2",
+        "motion.cut_from={fov=40, origin=[0,0,0.5], target=[-1,0,0.5]}",
+    )  # fmt: skip
+    study, still = _study(tmp_path, MOVING, *cut), _study(tmp_path, STUDY, "max_depth=3")
+    scene = load_scene(study)
+    moved = make_renderer(study, scene, (24, 16), "path", study.variants["path"])
+    fixed = make_renderer(still, scene, (24, 16), "path", study.variants["path"])
+    before, *after = (moved.frame_before_last(1, frames)[0] for frames in (3, 2, 0))
+    wanted = fixed.frame(1)[0]
+    for image in after:
+        np.testing.assert_allclose(image, wanted, rtol=1e-3, atol=1e-4)
+    assert np.abs(before - wanted).mean() > 0.1 * wanted.mean()
 
 
 @pytest.mark.slow

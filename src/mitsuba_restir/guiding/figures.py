@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
-from .cells import cell_at
+from .cells import Cells, cell_at
 from .guide import Guide, alpha_at
 from .steering import steerable
 
@@ -16,7 +16,7 @@ def cells_in_use(guide: Guide) -> float:
     return float(dr.mean(mi.Float(guide.sums[0] > 0))[0])
 
 
-def mean_share_of_bsdf(guide: Guide, hit: PrimaryHit) -> float:
+def mean_share_of_bsdf(cells: Cells, guide: Guide, hit: PrimaryHit) -> float:
     """Mean probability with which the first bounce of a pixel's path comes from the BSDF.
 
     Parameters
@@ -26,7 +26,7 @@ def mean_share_of_bsdf(guide: Guide, hit: PrimaryHit) -> float:
     """
     # The geometry is not asked: it may have been edited since the frame.
     there = hit.vertex.shape != None  # noqa: E711  (element-wise)
-    cell = cell_at(guide.cells, hit.vertex.p, hit.normal)
+    cell = cell_at(cells, hit.vertex.p, hit.normal)
     share = alpha_at(guide, cell, 1, there & steerable(hit.vertex.shape.bsdf()))
     guided = dr.sum(dr.select(there, 1 - share, 0))
     return float((1 - guided / dr.maximum(dr.count(there), 1))[0])

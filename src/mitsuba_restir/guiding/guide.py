@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..sampling.streams import Stream, uniform2
-from .cells import CELLS, Cells, cells_of
+from .cells import CELLS
 
 Z_BITS, PHI_BITS = 4, 4
 LEVELS = Z_BITS + PHI_BITS
@@ -32,23 +32,21 @@ UNIFORM = 0.1
 class Guide:
     """What is known of where light comes from.
 
-    Fields: ``cells``, ``sums`` (see :mod:`mitsuba_restir.guiding.trees`), ``alpha`` (of every cell:
+    Fields: ``sums`` (see :mod:`mitsuba_restir.guiding.trees`), ``alpha`` (of every cell:
     the share of directions that come from the BSDF; 1 where nothing has been seen), ``costs`` and
     ``mean`` (what only the learning needs: see :mod:`mitsuba_restir.guiding.share`, and the mean
     luminance that the last frame learnt from).
     """
 
-    cells: Cells
     sums: list[mi.Float]
     alpha: mi.Float
     costs: mi.Float
     mean: mi.Float
 
 
-def no_guide(scene: mi.Scene) -> Guide:
-    """A guide that has seen nothing, for the extent of a scene."""
+def no_guide() -> Guide:
+    """A guide that has seen nothing."""
     guide = Guide(
-        cells_of(scene),
         [dr.zeros(mi.Float, CELLS << level) for level in range(LEVELS + 1)],
         dr.full(mi.Float, 1, CELLS),
         dr.zeros(mi.Float, CELLS * COSTS),

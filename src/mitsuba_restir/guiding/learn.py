@@ -19,7 +19,7 @@ from ..paths.scattering import evaluate
 from ..paths.spectrum import target
 from ..paths.vertex import seen_from
 from ..resampling.reservoir import Reservoir
-from .cells import cell_at
+from .cells import Cells, cell_at
 from .guide import Guide, alpha_at, leaf_of, pdf
 from .share import cheapest, nothing_paid, pay, settled
 from .steering import steerable
@@ -29,7 +29,9 @@ BOUND = 20.0
 """Largest luminance that counts, relative to the mean of the frame before."""
 
 
-def learn(guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float) -> Guide:
+def learn(
+    cells: Cells, guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float
+) -> Guide:
     """The guide with a frame in it.
 
     Parameters
@@ -37,7 +39,7 @@ def learn(guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float) -
     reservoirs, hit : Reservoir, PrimaryHit
         One lane per pixel; evaluated.
     memory : float
-        What earlier frames count with, relative to the frame after them; 1 where nothing moves.
+        What earlier lessons count with, relative to the one after them; 1 where nothing moves.
     """
     path = reservoirs.path
     kind = kind_of(path)
@@ -45,7 +47,7 @@ def learn(guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float) -
     mean = dr.mean(shown)
     bound = BOUND * dr.select(guide.mean > 0, guide.mean, mean)
     value = dr.select(bound > 0, dr.minimum(shown / bound, 1), 0)
-    book = Book(nothing_counted(), nothing_paid())
+    book = Book(cells, nothing_counted(), nothing_paid())
 
     lambdas = dr.zeros(mi.Ray3f).wavelengths
     span = path.vertex.p - hit.vertex.p
@@ -65,8 +67,9 @@ def learn(guide: Guide, reservoirs: Reservoir, hit: PrimaryHit, memory: float) -
 
 @dataclass
 class Book:
-    """What a frame's lessons add up to: ``counts`` of the bins, and ``bills`` of the shares."""
+    """What a frame's lessons add up to, by ``cells``: ``counts`` of bins, ``bills`` of shares."""
 
+    cells: Cells
     counts: mi.UInt32
     bills: mi.UInt64
 
@@ -100,17 +103,17 @@ def _study(
     stored = active & lesson.stored
     _, density = evaluate(si, bsdf, lesson.direction, stored)
     stored &= density > 0
-    cell = cell_at(guide.cells, si.p, si.n)
+    cell = cell_at(book.cells, si.p, si.n)
     ratio = dr.select(stored, pdf(guide, cell, lesson.direction, stored) / density, 0)
     alpha = alpha_at(guide, cell, lesson.vertex, active)
     cost = dr.square(lesson.value) * (alpha + (1 - alpha) * ratio)
     pay(book.bills, cell, cost, ratio, active)
 
-    cell = cell_at(guide.cells, _moved(guide, si), si.n)
+    cell = cell_at(book.cells, _moved(book.cells, si), si.n)
     count(book.counts, cell, leaf_of(lesson.direction), lesson.value, stored)
 
 
-def _moved(guide: Guide, si: mi.SurfaceInteraction3f) -> mi.Point3f:
+def _moved(cells: Cells, si: mi.SurfaceInteraction3f) -> mi.Point3f:
     """A point beside another one: neighbouring cells learn from each other, which smooths them."""
     lane = dr.arange(mi.UInt32, dr.width(si.p))
     a, b = mi.sample_tea_32(
@@ -118,4 +121,4 @@ def _moved(guide: Guide, si: mi.SurfaceInteraction3f) -> mi.Point3f:
     )
     u, v = (mi.Float(bits >> 8) * 2.0**-24 - 0.5 for bits in (a, b))
     frame = mi.Frame3f(si.n)
-    return si.p + (frame.s * u + frame.t * v) / guide.cells.scale
+    return si.p + (frame.s * u + frame.t * v) / cells.scale

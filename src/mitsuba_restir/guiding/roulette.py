@@ -19,7 +19,7 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from .cells import CELLS, UNIT, Cells, cell_at, cells_of
+from .cells import CELLS, UNIT, Cells, cell_at
 
 LEAST = 0.1
 """Smallest probability to go on."""
@@ -120,21 +120,20 @@ class ByThroughput:
 class Expected:
     """What is known of the light that leaves the cells.
 
-    Fields: ``cells``, ``sums`` (a cell's luminance and visits), ``radiance`` (their ratio),
+    Fields: ``sums`` (a cell's luminance and visits), ``radiance`` (their ratio),
     ``unit`` (of luminance, in which a frame is counted: :data:`.cells.UNIT` times the mean of the
     candidates, first times 1).
     """
 
-    cells: Cells
     sums: mi.Float
     radiance: mi.Float
     unit: mi.Float
 
 
-def nothing_expected(scene: mi.Scene) -> Expected:
+def nothing_expected() -> Expected:
     """Before the first frame."""
     tables = dr.zeros(mi.Float, 2 * CELLS), dr.zeros(mi.Float, CELLS)
-    expected = Expected(cells_of(scene), *tables, mi.Float(UNIT))
+    expected = Expected(*tables, mi.Float(UNIT))
     dr.make_opaque(expected)
     return expected
 
@@ -167,8 +166,12 @@ def updated(expected: Expected, notes: mi.UInt64, candidates: mi.Float, memory: 
 
 @dataclass(frozen=True)
 class ByContribution:
-    """By what paths are expected to contribute; ``notes`` are taken of what they find."""
+    """By what paths are expected to contribute; ``notes`` are taken of what they find.
 
+    ``cells``: where the cells are.
+    """
+
+    cells: Cells
     expected: Expected
     notes: mi.UInt64
 
@@ -181,9 +184,9 @@ class ByContribution:
         active: mi.Bool,
     ) -> Outlook:
         """See :class:`Roulette`."""
-        expected, surface = self.expected, active & si.is_valid()
-        cell = cell_at(expected.cells, si.p, si.n)
-        here = dr.gather(mi.Float, expected.radiance, cell, surface)
+        surface = active & si.is_valid()
+        cell = cell_at(self.cells, si.p, si.n)
+        here = dr.gather(mi.Float, self.expected.radiance, cell, surface)
         self._note(outlook.step * (found + here), outlook.cell, active & (vertex > 1))
         return Outlook(cell, mi.Float(0), here, dr.select(vertex == 1, here, outlook.own))
 

@@ -15,7 +15,7 @@ import mitsuba as mi
 from .cells import CELLS, UNIT
 from .guide import COSTS
 
-SHARES = (1.0, 0.85, 0.7, 0.5, 0.3)
+SHARES = (1.0, 0.9, 0.8, 0.65, 0.5)
 """Shares of the BSDF that are compared."""
 
 MADE_UP = 4.0

@@ -25,7 +25,7 @@ import mitsuba as mi
 
 from ..paths.scattering import Scattered, can_connect, evaluate, scatter
 from ..sampling.streams import Stream, uniform2
-from .cells import cell_at
+from .cells import Cells, cell_at
 from .guide import Guide, alpha_at, pdf, sample
 
 
@@ -113,9 +113,11 @@ class ByBsdf:
 class ByGuide:
     """Directions come from the BSDF with the probability that the guide says, else from the guide.
 
-    ``suffixes``: whether those after the one that leaves x_k may, too.
+    ``cells``: where the guide's cells are. ``suffixes``: whether those after the one that leaves
+    x_k may come from it, too.
     """
 
+    cells: Cells
     guide: Guide
     suffixes: bool
 
@@ -132,7 +134,7 @@ class ByGuide:
         guide, bsdf = self.guide, si.bsdf()
         steer = choices.fork(0)
         choice, _ = uniform2(steer, vertex, 2)
-        cell = cell_at(guide.cells, si.p, si.n)
+        cell = cell_at(self.cells, si.p, si.n)
         usable = active & steerable(bsdf)
         if not self.suffixes:
             usable &= ~ledger.anchored

@@ -23,7 +23,10 @@ def count(
     counts: mi.UInt32, cell: mi.UInt32, leaf: mi.UInt32, value: mi.Float, active: mi.Bool
 ) -> None:
     """Add a value from 0 to 1 to a bin of a cell."""
-    dr.scatter_add(counts, mi.UInt32(value / UNIT + 0.5), (cell << LEVELS) | leaf, active)
+    leaf |= cell << LEVELS
+    # A copy of the counters for every thread would take longer to clear than to share them.
+    mode = dr.ReduceMode.Direct
+    dr.scatter_add(counts, mi.UInt32(value / UNIT + 0.5), leaf, active, mode)
 
 
 def grown(

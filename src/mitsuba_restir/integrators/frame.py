@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..guiding.policy import Learnt, after_frame, nothing_learnt, policy_of
+from ..guiding.policy import Findings, Learnt, findings_of, nothing_learnt, policy_of, taught
 from ..mutations.chain import Mutated
 from ..mutations.kind import MutationPlan
 from ..mutations.proposals import MoveReconnectionVertex
@@ -34,21 +34,19 @@ from ..shifts.mapping import ShiftMapping
 from ..shifts.scope import Scope
 from .parameters import Parameters
 
-FADING = 0.9
-"""What a guide's past counts with from frame to frame where the scene changes."""
-
 
 @dataclass
 class History:
     """What a frame leaves to the next one, one lane per pixel.
 
-    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it), ``learnt``.
+    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it), ``learnt`` (None
+    where candidates are neither guided nor ended by what is known).
     """
 
     reservoirs: Reservoir
     hits: PrimaryHit
     colors: ColorHistory | None
-    learnt: Learnt
+    learnt: Learnt | None
 
 
 @dataclass
@@ -90,7 +88,8 @@ class Sampled:
 
     Fields: ``reservoirs``, ``outcomes`` (of the temporal shifts), ``matched`` (pixels that found
     their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
-    pixel's previous place; None without selection), ``beside``, ``learnt``.
+    pixel's previous place; None without selection), ``beside``, ``learnt`` (by earlier frames),
+    ``findings`` (what this one can teach).
     """
 
     reservoirs: Reservoir
@@ -99,7 +98,8 @@ class Sampled:
     flow: mi.Vector2f
     colors: ColorHistory | None
     beside: Beside
-    learnt: Learnt
+    learnt: Learnt | None
+    findings: Findings | None
 
 
 @dataclass
@@ -191,7 +191,6 @@ def sample_paths(
         Candidate trees per pixel.
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
-    memory = FADING if parameters.retrace_history else 1.0
     policy = policy_of(history.learnt, plan.limits.rr_depth, not parameters.retrace_history)
     candidates = initial(scope, now.hit, spp, policy, parameters.mutates)
     reservoirs, refused = candidates.reservoirs, candidates.refused
@@ -205,12 +204,15 @@ def sample_paths(
         direct + reservoir_color(reservoirs) if parameters.shows("candidates") else mi.Color3f(0),
     )
     dr.eval(reservoirs, beside)
-    learnt = after_frame(history.learnt, policy, reservoirs, now.hit, memory)
+    learnt = history.learnt
+    findings = None if learnt is None else findings_of(policy, reservoirs)
     if not parameters.temporal or camera is None:
         pixels = scope.grid.size
         nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
         colors = _colors_at(history, nowhere)
-        return Sampled(reservoirs, [], nowhere.valid, nowhere.flow, colors, beside, learnt)
+        return Sampled(
+            reservoirs, [], nowhere.valid, nowhere.flow, colors, beside, learnt, findings
+        )
 
     motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
@@ -223,9 +225,14 @@ def sample_paths(
     reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
     flow = motion.flow if parameters.aovs else mi.Vector2f(0)
     colors = _colors_at(history, motion)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside, learnt)
+    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside, learnt, findings)
     dr.eval(sampled)
     return sampled
+
+
+def learn_paths(plan: Plan, setting: Setting, learnt: Learnt, findings: Findings) -> Learnt:
+    """Between the halves, in frames that teach: what later frames know."""
+    return taught(learnt, findings, setting.now.hit, plan.parameters.retrace_history)
 
 
 def share_paths(

@@ -13,6 +13,7 @@ import mitsuba as mi
 
 from ..errors import root
 from .flat import Structure, flatten, unflatten
+from .frame import Plan
 
 KEPT = 4
 """Recordings kept of a stage: there is one for every structure of its inputs (the first frame has
@@ -45,7 +46,7 @@ class Stage:
     traced every frame.
     """
 
-    def __init__(self, stage: Callable[..., Any], plan: Any) -> None:
+    def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
         def traced(signature: _Signature, leaves: list[Any]) -> list[Any]:
             results: list[Any] = []
             inputs = unflatten(signature.inputs, iter(leaves))

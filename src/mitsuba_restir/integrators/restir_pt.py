@@ -28,11 +28,12 @@ from .border import (
 )
 from .declaration import page
 from .film import developed
-from .frame import Frame, History, Plan, Setting, no_history, sample_paths, share_paths
+from .frame import Frame, History, Plan, Setting, no_history
 from .parameters import PARAMETERS, read_parameters
 from .plan import dither_of, plan_of
-from .recording import Stage, collection_paused, frame_alone
+from .recording import collection_paused, frame_alone
 from .scene_watch import Edit, SceneWatch
+from .stages import Stages
 from .state import State
 from .statistics import frame_statistics
 
@@ -149,13 +150,14 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             dr.eval(now)
             setting = Setting(scene, sensor if mi.is_spectral else None, now, key, self._dither)
             with collection_paused():
-                sampled = self._sample_paths(
+                sampled = self._stages.sample(
                     setting, self._history, self._camera, dr.opaque(mi.UInt32, spp)
                 )
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None
+                sampled = self._stages.learn(setting, sampled, self._turn)
                 turn = dr.opaque(mi.UInt32, self._turn)
-                frame = self._share_paths(setting, sampled, self._layout, turn)
+                frame = self._stages.share(setting, sampled, self._layout, turn)
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
@@ -269,8 +271,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         assert self._shape is not None
         _, width, height = self._shape
         self._plan = plan_of(self.parameters, scene, width, height)
-        self._sample_paths = Stage(sample_paths, self._plan)
-        self._share_paths = Stage(share_paths, self._plan)
+        self._stages = Stages(self._plan)
 
     def _follow(self, scene: mi.Scene, edit: Edit) -> None:
         """Let go of what an edit of the scene has made wrong."""
@@ -279,8 +280,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         if self._history is None:
             self._record_stages(scene)
             return
-        self._sample_paths.forget()
-        self._share_paths.forget()
+        self._stages.forget()
         if edit.reshaped:
             hits, self._dropped = drop_reshaped(
                 self._history.hits,

@@ -31,13 +31,13 @@ class State:
         Running number of the next frame's first path tree.
     turn : int
         Running number of the next frame.
-    learnt : Learnt
-        Arrays of the device; later frames leave them as they are.
+    learnt : Learnt or None
+        Arrays of the device; later frames leave them as they are. None where nothing is learnt.
     """
 
     sample: int
     turn: int
-    learnt: Learnt
+    learnt: Learnt | None
 
 
 def packed(state: State) -> dict[str, npt.NDArray[Any]]:
@@ -51,7 +51,7 @@ def packed(state: State) -> dict[str, npt.NDArray[Any]]:
     return arrays
 
 
-def unpacked(arrays: Mapping[str, npt.NDArray[Any]], like: Learnt) -> State:
+def unpacked(arrays: Mapping[str, npt.NDArray[Any]], like: Learnt | None) -> State:
     """
     The state that was packed.
 
@@ -59,7 +59,7 @@ def unpacked(arrays: Mapping[str, npt.NDArray[Any]], like: Learnt) -> State:
     ----------
     arrays : mapping
         As from :func:`packed`.
-    like : Learnt
+    like : Learnt or None
         What an integrator with the same parameters has learnt in the same scene at its beginning:
         it tells what is made of the arrays.
 

@@ -31,11 +31,11 @@ def frame_statistics(frame: Frame, parameters: Parameters) -> dict[str, Any]:
         statistics[f"spatial_{index}"] = outcome_shares(packed, 1)
     if frame.mutated is not None:
         statistics["mutations"] = mutation_shares(frame.mutated, parameters.mutations)
-    guide = frame.history.learnt.guide
-    if guide is not None:
+    learnt = frame.history.learnt
+    if learnt is not None and learnt.guide is not None:
         statistics["guiding"] = {
-            "cells": cells_in_use(guide),
-            "alpha": mean_share_of_bsdf(guide, frame.history.hits),
+            "cells": cells_in_use(learnt.guide),
+            "alpha": mean_share_of_bsdf(learnt.cells, learnt.guide, frame.history.hits),
         }
     if parameters.biased:
         statistics["biased"] = list(parameters.biased)

@@ -10,10 +10,10 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+import numpy.typing as npt
 
 from ..analysis.denoise import denoise_guided
 from ..imageio import Image
-from ..integrators.recording import Stage
 from ..integrators.state import State
 from . import accumulate
 from .accumulate import Layout, Size, Sums
@@ -106,7 +106,6 @@ class Growth:
         self.why = why
         self.elapsed = elapsed
         self.snapshot = snapshot or nothing(source)
-        self._add = Stage(accumulate.add, source.layout)
 
     def grow(self, goal: Goal) -> Iterator[Progress]:
         """
@@ -168,15 +167,17 @@ class Growth:
         now, source = self.snapshot, self.source
         frames = now.frames + 1
         image = source.render()
-        sums = self._add(now.sums, now.weights, image, dr.opaque(mi.Float, frames))
+        sums = accumulate.add(
+            source.layout, now.sums, now.weights, image, dr.opaque(mi.Float, frames)
+        )
         dr.sync_thread()
         weights, known, decided = now.weights, now.known, now.decided
         if decides(frames):
             size = source.size
             known, decided = self._stated(sums, frames), frames
             if weights:
-                table = mixture(accumulate.covariance(sums, size, frames), frames)
-                weights = [mi.Float(np.float32(w).ravel()) for w in table]
+                table = _weights(accumulate.covariance(sums, size, frames), frames)
+                weights = [mi.Float(row.ravel()) for row in table]
         return Snapshot(frames, sums, weights, known, decided, source.state())
 
     def _stated(self, sums: Sums, frames: int) -> Stated:
@@ -219,11 +220,24 @@ class Growth:
         return Progress(now.frames, error, untrimmed, seconds, left)
 
 
+def _weights(covariance: npt.NDArray[np.float64], frames: int) -> Image:
+    """Weights for later frames, (K, H, W).
+
+    Pixels of which a value was not finite show their frames' own colour, and keep to themselves.
+    """
+    lost = ~np.isfinite(covariance).all(axis=(0, 1))
+    weights = mixture(np.where(lost, 0.0, covariance), frames)
+    weights[:, lost] = 0.0
+    weights[-1, lost] = 1.0
+    return weights.astype(np.float32)
+
+
 def _remark(lit: bool, image: Image, known: Stated) -> str:
     if not lit:
         return "there is no light in the scene: the picture is black"
     if not image.any():
         return "no light was found: the picture is black"
     if known.not_finite:
-        return f"{known.not_finite} pixels are not finite, and are not in the stated error"
+        lost = "1 pixel is" if known.not_finite == 1 else f"{known.not_finite} pixels are"
+        return f"{lost} not finite, and not in the stated error"
     return ""

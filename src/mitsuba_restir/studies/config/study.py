@@ -223,7 +223,8 @@ class Study:
                     yield f"'{name}' is made of '{other}', which is no rendered variant ({some})"
             if variant.of and self.reference is None:
                 yield f"'{name}' is blurred to an error: that needs a [reference]"
-        if self.motion is not None and self.frames > 1:
+        moves = self.motion is not None and self.motion.cut_from is None
+        if moves and self.frames > 1:
             yield (
                 "a moving camera meets its reference in the last frame: frames must be 1 (and "
                 "warmup the frames before)"

@@ -27,8 +27,10 @@ def to_table(study: Study) -> dict[str, Any]:
         del table["stride"]
     if study.reference is not None and not study.reference.noise:
         del table["reference"]["noise"]
-    if study.motion is not None and not study.motion.light:
-        table["motion"] = {"step": list(study.motion.step)}
+    if study.motion is not None and study.motion.cut_from is None:
+        del table["motion"]["cut_from"]
+        if not study.motion.light:
+            table["motion"] = {"step": list(study.motion.step)}
     return {key: value for key, value in table.items() if value is not None}
 
 

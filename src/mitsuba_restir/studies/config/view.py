@@ -38,7 +38,7 @@ class View:
 @dataclass(frozen=True, config=CLOSED)
 class Motion:
     """
-    What moves evenly and arrives with the last frame of a run, where the reference is.
+    What moves evenly and arrives with the last frame of a run, where the reference is; or a cut.
 
     Fields
     ------
@@ -49,15 +49,22 @@ class Motion:
         shines. What it moves arrives where the scene has it.
     light_step : (float, float, float)
         Its step in world units per frame.
+    cut_from : View or None
+        The camera until the first measured frame, where it jumps to the study's view.
     """
 
     step: Vector = (0.0, 0.0, 0.0)
     light: Text = ""
     light_step: Vector = (0.0, 0.0, 0.0)
+    cut_from: View | None = None
 
     def __post_init__(self) -> None:
         """Check that something moves (ValueError)."""
+        if self.cut_from is not None:
+            if any(self.step) or self.light:
+                raise ValueError("cut_from stands alone: leave out step and light")
+            return
         if not any(self.step) and not self.light:
-            raise ValueError("give a step of the camera, or a light and its step")
+            raise ValueError("give a step of the camera, a light and its step, or cut_from")
         if any(self.light_step) != bool(self.light):
             raise ValueError("light and light_step go together")

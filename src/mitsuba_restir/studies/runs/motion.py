@@ -1,4 +1,4 @@
-"""What moves during a run: the camera, or a light, on its way to where the reference has it."""
+"""What moves or jumps during a run: the camera, or a light, to where the reference has it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ...errors import UsageError
 from ..config.study import Study
+from ..config.view import View
 
 Place = Callable[[int], None]
 
@@ -30,6 +31,9 @@ def make_place(study: Study, scene: Any, sensor: Any) -> Place | None:
     motion = study.motion
     if motion is None:
         return None
+    if motion.cut_from is not None:
+        measured = (study.frames - 1) * study.stride + 1
+        return _cut(mi.traverse(sensor), motion.cut_from, measured)
     movers = []
     if any(motion.step):
         movers.append(_mover(mi.traverse(sensor), "to_world", motion.step))
@@ -47,6 +51,27 @@ def make_place(study: Study, scene: Any, sensor: Any) -> Place | None:
     def place(frames: int) -> None:
         for move in movers:
             move(frames)
+
+    return place
+
+
+def look_at(view: View) -> Any:
+    """Return a view as the transform of a sensor."""
+    vectors = (view.origin, view.target, view.up)
+    origin, target, up = map(list, vectors)
+    return mi.ScalarTransform4f().look_at(origin=origin, target=target, up=up)
+
+
+def _cut(parameters: Any, before: View, measured: int) -> Place:
+    here = _matrix(parameters["to_world"]), float(np.ravel(parameters["x_fov"])[0])
+    there = _matrix(look_at(before)), before.fov
+
+    def place(frames: int) -> None:
+        matrix, fov = here if frames < measured else there
+        parameters["to_world"] = type(parameters["to_world"])(mi.ScalarTransform4f(matrix).matrix)
+        parameters["x_fov"] = fov
+        dr.make_opaque(parameters["to_world"], parameters["x_fov"])
+        parameters.update()
 
     return place
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import UsageError, one_line
 from ..config.study import Crop, Size, Study, Variant
-from .motion import make_place
+from .motion import look_at, make_place
 from .results import Image
 
 # Plugins of cameras that can be copied, and the parameters that are theirs alone.
@@ -117,11 +117,8 @@ def make_sensor(study: Study, scene: Any, size: Size) -> Any:
     common = {"film": film, "sampler": {"type": "independent"}, "fov_axis": "x"}
     view = study.view
     if view is not None:
-        transform = mi.ScalarTransform4f().look_at(
-            origin=list(view.origin), target=list(view.target), up=list(view.up)
-        )
         return mi.load_dict(
-            {"type": "perspective", "fov": view.fov, "to_world": transform, **common}
+            {"type": "perspective", "fov": view.fov, "to_world": look_at(view), **common}
         )
     sensors = scene.sensors()
     kind = sensors[0].class_name() if sensors else ""
