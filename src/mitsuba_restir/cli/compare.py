@@ -37,6 +37,7 @@ from ..studies.runs.results import ReferenceImage
 from ..studies.runs.turns import rehearse, render_run
 from . import compare_report, compare_time, loading, output
 from .arguments import as_dict, integer, positive_seconds
+from .compare_time import Subject
 from .notes import say
 from .parameters import parse_parameters
 from .progress import progress_bar
@@ -125,10 +126,7 @@ def run(options: argparse.Namespace) -> int:
             source = f"{origin}, whose own error is in all errors"
         rows = _rows(study, renderers, reference, progress)
         if options.equal_time:
-            subject = compare_time.Subject(
-                scene, sensor, _depths(study), options.equal_time, study.seed
-            )
-            shown = compare_time.pictures(subject, progress)
+            shown = compare_time.pictures(_subject(study, scene, sensor, options), progress)
     title = f"{study.scene}, {_size(study)}, depth {_depths(study)['max_depth']}"
     compare_report.write(folder, title, rows, reference.image.astype(np.float32))
     console = Console()
@@ -171,6 +169,12 @@ def _study(options: argparse.Namespace, size: Size) -> Study:
 def _size(study: Study) -> str:
     width, height = study.sizes[0]
     return f"{width}x{height}"
+
+
+def _subject(study: Study, scene: Any, sensor: Any, options: argparse.Namespace) -> Subject:
+    depths = _depths(study)
+    reuse = {**depths, **study.variants["spatiotemporal"].parameters}
+    return Subject(scene, sensor, depths, reuse, options.equal_time, study.seed)
 
 
 def _depths(study: Study) -> Mapping[str, Value]:

@@ -42,6 +42,8 @@ class Subject:
     scene, sensor : Scene, Sensor
     depths : mapping
         Parameters that all integrators have.
+    reuse : mapping
+        Parameters of the history's frames.
     seconds : float
     seed : int
     """
@@ -49,6 +51,7 @@ class Subject:
     scene: mi.Scene
     sensor: mi.Sensor
     depths: Mapping[str, Any]
+    reuse: Mapping[str, Any]
     seconds: float
     seed: int
 
@@ -75,7 +78,7 @@ def pictures(subject: Subject, report: Callable[[int, int, str], None]) -> list[
     inner = {"type": "path", **subject.depths}
     path = _films(subject, {"type": "aov", "path": inner}, SAMPLES)
     report(1, 4, "equal time")
-    history = _films(subject, {"type": "restir_pt", **subject.depths}, 1)
+    history = _films(subject, {"type": "restir_pt", **subject.reuse}, 1)
     report(2, 4, "equal time")
     drawn = _still(subject, denoise=False)
     samples = f"path, {SAMPLES * path.frames} samples a pixel"
