@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 .PHONY: demo test test-long lint types install clean
 
 demo: $(STAMP)
-	$(BIN)/mitsuba-restir compare ajar -o out/demo
+	$(BIN)/mitsuba-restir compare ajar --equal-time 4 -o out/demo
 
 test: $(STAMP)
 	$(BIN)/python -m pytest $(ARGS)

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from mitsuba_restir import cli, imageio
-from mitsuba_restir.cli import compare
+from mitsuba_restir.cli import compare, compare_time
 from mitsuba_restir.cli.compare_report import Errors, Row, strip
+from mitsuba_restir.cli.compare_time import Shown
 from mitsuba_restir.studies import load_study
 from mitsuba_restir.studies.config.adapt import without
+from mitsuba_restir.studies.runs.results import ReferenceImage
 
 IMAGE = np.full((6, 8, 3), 0.5, dtype=np.float32)
 
@@ -44,6 +46,14 @@ def test_strip_holds_every_picture():
     assert np.sum(grey) >= 6 * IMAGE[..., 0].size
 
 
+def test_labels_of_equal_time_are_inside_their_columns():
+    shown = [Shown("still --denoise, 100 frames of a long name", 10.0, IMAGE)] * 6
+    picture = compare_time.strip("title", shown, ReferenceImage(IMAGE, np.zeros(IMAGE.shape)))
+    column = (picture.shape[1] - 8) // 3
+    for edge in range(column, 3 * column + 1, column):
+        assert (picture[30:, edge : edge + 8] == 255).all()
+
+
 def test_srgb_of_nothing_finite_is_black():
     image = np.array([[[np.nan, np.inf, 1.0]]])
     np.testing.assert_array_equal(imageio.to_srgb8(image), [[[0, 0, 255]]])
@@ -56,7 +66,8 @@ def test_comparison_writes_pictures_and_numbers(tmp_path, monkeypatch, capsys):
     reference = ["compare", *size, "--make-reference", "r.exr", "--reference-spp", "40"]
     assert cli.main(reference) == 0
     assert imageio.read_rgb(Path("r.exr")).shape == (18, 32, 3)
-    assert cli.main(["compare", *size, "--reference", "r.exr", "--frames", "3", "-o", "o"]) == 0
+    timed = ["--frames", "3", "--equal-time", "0.4", "-o", "o"]
+    assert cli.main(["compare", *size, "--reference", "r.exr", *timed]) == 0
     assert "spatiotemporal" in capsys.readouterr().out
     variants = json.loads(Path("o/compare.json").read_text())["variants"]
     labels = [variant["variant"] for variant in variants]
@@ -65,6 +76,14 @@ def test_comparison_writes_pictures_and_numbers(tmp_path, monkeypatch, capsys):
     assert all(np.isfinite(value) for entry in variants for value in list(entry.values())[1:])
     assert Path("o/compare.csv").read_text().count("\n") == 5
     assert Path("o/compare.png").stat().st_size > 0
+    lines = Path("o/equal_time.csv").read_text().splitlines()[1:]
+    pictures = [line.split(",") for line in lines]
+    assert [name.split()[0] for name, *_ in pictures] == ["path", "frame", "still"] * 2
+    for _, seconds, error in pictures:
+        # The first frame is rendered however long it takes.
+        assert 0 < float(seconds) < 2
+        assert 0 < float(error)
+    assert Path("o/equal_time.png").stat().st_size > 0
     np.testing.assert_array_equal(
         imageio.read_rgb(Path("o/reference.exr")), imageio.read_rgb(Path("r.exr"))
     )

@@ -35,8 +35,9 @@ from ..studies.runs.rendering import (
 )
 from ..studies.runs.results import ReferenceImage
 from ..studies.runs.turns import rehearse, render_run
-from . import compare_report, loading, output
-from .arguments import as_dict, integer
+from . import compare_report, compare_time, loading, output
+from .arguments import as_dict, integer, positive_seconds
+from .compare_time import Subject
 from .notes import say
 from .parameters import parse_parameters
 from .progress import progress_bar
@@ -82,6 +83,13 @@ def add_command(commands: Any) -> None:
         type=Path,
         help="only render the reference, with path, and write it (16-bit floats)",
     )
+    parser.add_argument(
+        "--equal-time",
+        metavar="S",
+        type=positive_seconds,
+        help="also show what S seconds each buy: path, a frame of a history and a still, raw and "
+        "denoised",
+    )
     parser.set_defaults(run=run)
 
 
@@ -117,6 +125,8 @@ def run(options: argparse.Namespace) -> int:
             reference = ReferenceImage(given.astype(np.float64), np.zeros(given.shape))
             source = f"{origin}, whose own error is in all errors"
         rows = _rows(study, renderers, reference, progress)
+        if options.equal_time:
+            shown = compare_time.pictures(_subject(study, scene, sensor, options), progress)
     title = f"{study.scene}, {_size(study)}, depth {_depths(study)['max_depth']}"
     compare_report.write(folder, title, rows, reference.image.astype(np.float32))
     console = Console()
@@ -125,6 +135,8 @@ def run(options: argparse.Namespace) -> int:
     data = Measured(_size(study), {}, "", {}, reference, study.epsilon, study.trim)
     if text := excess(shares(data, means, trimmed)):
         say(f"do not rely on relMSE of mean: {text}")
+    if options.equal_time:
+        compare_time.write(folder, title, shown, reference)
     console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
     return 0
 
@@ -157,6 +169,12 @@ def _study(options: argparse.Namespace, size: Size) -> Study:
 def _size(study: Study) -> str:
     width, height = study.sizes[0]
     return f"{width}x{height}"
+
+
+def _subject(study: Study, scene: Any, sensor: Any, options: argparse.Namespace) -> Subject:
+    depths = _depths(study)
+    reuse = {**depths, **study.variants["spatiotemporal"].parameters}
+    return Subject(scene, sensor, depths, reuse, options.equal_time, study.seed)
 
 
 def _depths(study: Study) -> Mapping[str, Value]:
