@@ -136,8 +136,8 @@ def test_without_light_there_is_a_plan(denoise):
     ]
     with np.errstate(all="raise", under="ignore"):
         choice = choose(measured, denoise, 0)
-    assert choice.plan.name == "rounds"
-    assert "light" in choice.why
+    assert choice.plan.name == "light"
+    assert "no plan found light" in choice.why
 
 
 def test_plans_that_are_tried_exist():

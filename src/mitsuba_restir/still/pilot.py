@@ -31,8 +31,8 @@ TREES = 4
 LEARNT = 4
 """Frames (of all trees) after which a guide has learnt most of what it will have learnt."""
 
-MEASURED = 3
-"""Most frames of a plan that are measured; the least are 2."""
+LEAST, MOST = 2, 3
+"""Frames of a plan that are measured."""
 
 TIMED = 2
 """Trees a pixel of the frames that say what a tree takes."""
@@ -48,7 +48,7 @@ SEEN = 3.0
 denoised [pixels]: a denoiser removes what is finer and keeps what is not."""
 
 WORTH = 0.9
-"""A plan takes the place of one before it only where it needs less than this share of its time."""
+"""A plan takes the place of another only where it needs less than this share of its time."""
 
 ALONE = "candidates"
 """The plan without reuse. Its frames give the time that a tree takes; its error is that of the
@@ -125,7 +125,7 @@ def pilot(
     alone = _measure(PLANS[ALONE], TIMED, begin, clock, end)
     tree = alone.seconds / TIMED
     measured: list[Measured] = []
-    expected = (1 + MEASURED) * DEAR * alone.seconds
+    expected = (1 + LEAST) * DEAR * alone.seconds
     for name in DENOISED if denoise else RAW:
         plan, began = PLANS[name], clock()
         learning = LEARNT * plan.spp * tree if plan.learns else 0
@@ -147,7 +147,7 @@ def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choic
     Parameters
     ----------
     measured : sequence of Measured
-        At equal trees, the first with reuse; of plans that are equally good, the first is chosen.
+        At equal trees, the first with reuse; the last is chosen where no other is clearly better.
     denoise : bool
         Whether the picture will be denoised.
     seconds : float
@@ -157,7 +157,7 @@ def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choic
     size = gaussian_filter(mean, SEEN, mode="nearest")
     scale = np.sqrt(size**2 + (0.01 * mean.mean()) ** 2) + np.finfo(np.float64).tiny
     costs = [each.seconds * error(each.frames / scale, denoise) for each in measured]
-    best = 0
+    best = len(measured) - 1
     for index, cost in enumerate(costs):
         best = index if cost < WORTH * costs[best] else best
     return Choice(measured[best].plan, _why(measured, costs, best, denoise), seconds)
@@ -205,14 +205,13 @@ def _measure(
 ) -> Measured:
     """Render some frames of a plan; no more than needed after the end."""
     render = begin(plan)
-    # The first is compiled and recorded, and the second recorded once more.
-    render(trees)
+    render(1)  # compiled and recorded
     for _ in range(LEARNT if plan.learns else 0):
         if clock() < end:
             render(plan.spp)
     frames: list[FloatArray] = []
     times: list[float] = []
-    while len(frames) < 2 or (len(frames) < MEASURED and clock() < end):
+    while len(frames) < LEAST or (len(frames) < MOST and clock() < end):
         began = clock()
         frames.append(np.asarray(render(trees), dtype=np.float64))
         times.append(clock() - began)
