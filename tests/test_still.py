@@ -486,7 +486,7 @@ def pilots(monkeypatch) -> list[np.ndarray]:
     def quick(begin: Callable[[Plan], Any], seconds: float | None, denoise: bool) -> Choice:
         for plan in (BARE, MIXED):
             render = begin(plan)
-            seen.extend(render() for _ in range(3))
+            seen.extend(render(plan.spp) for _ in range(3))
         return Choice(BARE, "it was the first", 0.0)
 
     monkeypatch.setattr(driver, "pilot", quick)
@@ -498,7 +498,7 @@ BARE = Plan("bare", 2, {"spatial": False})
 
 def first_frames(scene: mi.Scene) -> list[np.ndarray]:
     frames = Frames(of(scene), BARE)
-    return [frames.luminances() for _ in range(3)]
+    return [frames.luminances(BARE.spp) for _ in range(3)]
 
 
 def test_frames_of_the_pilot_are_not_in_the_picture(room, pilots):
