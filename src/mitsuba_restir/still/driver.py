@@ -8,7 +8,6 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-import numpy.typing as npt
 
 from ..analysis import denoise as denoiser
 from ..errors import UsageError
@@ -16,7 +15,7 @@ from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
 from .picture import Progress, Still, stopwatch
-from .pilot import Choice, pilot
+from .pilot import Choice, Render, pilot
 from .plan import PLANS, Plan, parse
 
 DARK_PLAN = PLANS["candidates"]
@@ -119,7 +118,7 @@ def chosen(subject: Subject, goal: Goal) -> Choice:
     """What a pilot finds; its frames have another seed and share nothing with the picture's."""
     apart = replace(subject, seed=_other_seed(subject.seed))
 
-    def begin(plan: Plan) -> Callable[[int], npt.NDArray[np.float64]]:
+    def begin(plan: Plan) -> Render:
         return Frames(apart, plan).luminances
 
     return pilot(begin, goal.seconds, subject.guides)

@@ -156,17 +156,17 @@ class Frames:
         """The next frame's film, its channels interleaved."""
         return self._film(self.plan.spp)
 
-    def _film(self, trees: int) -> mi.Float:
-        subject = self.subject
-        return self._integrator.render(
-            subject.scene, subject.sensor, seed=subject.seed, spp=trees
-        ).array
-
-    def luminances(self, trees: int) -> npt.NDArray[np.float64]:
+    def luminances(self, spp: int) -> npt.NDArray[np.float64]:
         """Luminances of the next frame's estimates, (K, H, W), with so many trees a pixel."""
         layout, (height, width) = self.layout, self.size
-        film = np.array(self._film(trees), dtype=np.float64).reshape(height, width, layout.channels)
+        film = np.array(self._film(spp), dtype=np.float64).reshape(height, width, layout.channels)
         return np.stack([channels_luminance(film[..., list(place)]) for place in layout.estimates])
+
+    def _film(self, spp: int) -> mi.Float:
+        subject = self.subject
+        return self._integrator.render(
+            subject.scene, subject.sensor, seed=subject.seed, spp=spp
+        ).array
 
     def state(self) -> State:
         """What later frames depend on."""

@@ -68,9 +68,9 @@ def next_decision(frames: float) -> int:
     The numbers grow by a quarter: 4, 5, 7, 9, 12, 15, 19, ... To stop as soon as an estimate of the
     error is small favours some pictures over others, and the fewer looks, the less. Measured on
     draws of which a sixteenth has 15/16 of the light (`heavy` in ``tests/test_still.py``), stopped
-    at a stated error of 1 after 12 or 15 frames: the mean is off by 0.9 % +- 0.3 % in 400 pictures
-    of 16x16 pixels (a seventh of what one of them is off), by 0.1 % +- 0.2 % in 60 of 64x64; on
-    exponential draws by -0.06 % +- 0.08 % at 16x16.
+    at a stated error of 1 after 12 or 15 frames: the mean is off by 1.0 % +- 0.3 % in 400 pictures
+    of 16x16 pixels (a sixth of what one of them is off), by 0.1 % +- 0.2 % in 60 of 64x64; on
+    exponential draws by -0.04 % +- 0.09 % at 16x16.
     """
     point = FIRST
     while point < frames:

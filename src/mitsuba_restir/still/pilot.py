@@ -37,7 +37,7 @@ LEAST, MOST = 2, 3
 TIMED = 2
 """Trees a pixel of the frames that say what a tree takes."""
 
-DEAR = 5
+DEAR = 3
 """A guess of what a frame of the pilot takes, in those frames, before one has been seen."""
 
 TRIMMED = 0.001
