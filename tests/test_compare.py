@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,7 @@ def test_comparison_writes_pictures_and_numbers(tmp_path, monkeypatch, capsys):
     assert Path("o/compare.csv").read_text().count("\n") == 5
     assert Path("o/compare.png").stat().st_size > 0
     _, *pictures = csv.reader(Path("o/equal_time.csv").read_text().splitlines())
-    assert [name.split()[0] for name, *_ in pictures] == ["path", "frame", "still"] * 2
+    assert [re.split(r"\W", name)[0] for name, *_ in pictures] == ["path", "frame", "still"] * 2
     for _, seconds, error in pictures:
         # The first frame is rendered however long it takes.
         assert 0 < float(seconds) < 2
