@@ -82,7 +82,7 @@ def test_comparison_writes_pictures_and_numbers(tmp_path, monkeypatch, capsys):
     assert [re.split(r"\W", name)[0] for name, *_ in pictures] == ["path", "frame", "still"] * 2
     for _, seconds, error in pictures:
         # The first frame is rendered however long it takes.
-        assert 0 < float(seconds) < 2
+        assert 0 < float(seconds) < 6
         assert 0 < float(error)
     assert Path("o/equal_time.png").stat().st_size > 0
     np.testing.assert_array_equal(

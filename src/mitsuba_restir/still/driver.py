@@ -15,7 +15,7 @@ from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
 from .picture import Progress, Still, stopwatch
-from .pilot import Choice, Render, pilot
+from .pilot import Render, pilot
 from .plan import PLANS, Plan, parse
 
 DARK_PLAN = PLANS["candidates"]
@@ -110,18 +110,22 @@ def begun(subject: Subject, plan: Plan | None, goal: Goal, elapsed: Callable[[],
         return Growth(Frames(subject, plan), "asked for", elapsed)
     if not subject.lit:
         return Growth(Frames(subject, DARK_PLAN), "there is nothing to plan for", elapsed)
-    choice = chosen(subject, goal)
-    return Growth(Frames(subject, choice.plan), choice.why, elapsed)
+    return _piloted(subject, goal, elapsed)
 
 
-def chosen(subject: Subject, goal: Goal) -> Choice:
-    """What a pilot finds; its frames have another seed and share nothing with the picture's."""
+def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Growth:
+    """With the plan that a pilot finds; its frames share nothing with the picture's but kernels."""
     apart = replace(subject, seed=_other_seed(subject.seed))
+    tried: dict[str, Frames] = {}
 
     def begin(plan: Plan) -> Render:
-        return Frames(apart, plan).luminances
+        tried[plan.name] = Frames(apart, plan)
+        return tried[plan.name].luminances
 
-    return pilot(begin, goal.seconds, subject.guides)
+    choice = pilot(begin, goal.seconds, subject.guides)
+    frames = tried.get(choice.plan.name) or Frames(apart, choice.plan)
+    frames.restart(subject.seed)
+    return Growth(frames, choice.why, elapsed)
 
 
 def _other_seed(seed: int) -> int:

@@ -152,6 +152,11 @@ class Frames:
             first + len(names), (*((r, g, b) for r, g, b in mixed), own), tuple(extra)
         )
 
+    def restart(self, seed: int) -> None:
+        """From the first frame on, with nothing learnt, and by another seed."""
+        self.subject = replace(self.subject, seed=seed)
+        self._integrator.reset()
+
     def render(self) -> mi.Float:
         """The next frame's film, its channels interleaved."""
         return self._film(self.plan.spp)
