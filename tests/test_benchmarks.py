@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import subprocess
 import sys
 import time
@@ -113,6 +114,16 @@ def test_memory_by_its_command(file: str, tmp_path: Path) -> None:
     assert found["32x16", "frame", "peak"][0] > 0.0
     assert found["32x16", "frame", "peak"][1] == "B"
     assert ("all", "frame", "slope of the peak, Dr.Jit's memory") in found
+
+
+@pytest.mark.slow
+def test_stills_beside_path(file: str) -> None:
+    pytest.importorskip("mitsuba_oidn")
+    command = [sys.executable, "-m", "benchmarks.stills", file, "--seconds", "0.2"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    (gains,) = (line for line in done.stdout.splitlines() if line.startswith("efficiency"))
+    assert all(float(number) > 0.0 for number in re.findall(r"[\d.]+(?=,|$)", gains))
+    assert done.stdout.count("relMSE trimmed") == 2
 
 
 @pytest.mark.parametrize(
