@@ -7,9 +7,8 @@ import pytest
 
 from mitsuba_restir.still.pilot import (
     ALONE,
-    DENOISED,
     LONGEST,
-    RAW,
+    OTHERS,
     SHARE,
     Choice,
     Measured,
@@ -63,31 +62,25 @@ class Studio:
     def clock(self) -> float:
         return self.now
 
-    def pilot(self, seconds: float | None, denoise: bool = False) -> Choice:
-        return pilot(self.begin, seconds, denoise, self.clock)
+    def pilot(self, seconds: float | None) -> Choice:
+        return pilot(self.begin, seconds, self.clock)
 
 
-@pytest.mark.parametrize("best", [ALONE, *RAW])
+@pytest.mark.parametrize("best", [ALONE, *OTHERS])
 @pytest.mark.parametrize("tail", [1, 0.02])
 def test_the_best_plan_is_found(best, tail):
     """With a fifth of the variance of the others, be the tails light or heavy."""
     choice = Studio({best: 0.2}, 0.01, tail).pilot(None)
     assert choice.plan.name == best
-    assert f"{RAW[0] if best != RAW[0] else RAW[1]} " in choice.why
+    assert f"{OTHERS[0] if best != OTHERS[0] else OTHERS[1]} " in choice.why
     assert "\n" not in choice.why
 
 
-@pytest.mark.parametrize("best", [ALONE, *DENOISED])
-def test_the_best_plan_for_a_denoiser_is_found(best):
-    assert Studio({best: 0.2}, 0.01).pilot(None, denoise=True).plan.name == best
-
-
 @pytest.mark.parametrize("seconds", [1.0, 10.0, 60.0, 600.0, None])
-@pytest.mark.parametrize("denoise", [False, True])
-def test_a_pilot_is_short(seconds, denoise):
+def test_a_pilot_is_short(seconds):
     """It ends in time but for a last plan's least frames, and for the plan of single trees."""
     studio = Studio({})
-    choice = studio.pilot(seconds, denoise)
+    choice = studio.pilot(seconds)
     limit = LONGEST if seconds is None else min(LONGEST, SHARE * seconds)
     assert choice.seconds == pytest.approx(studio.now)
     frame = 8 * studio.seconds
@@ -95,11 +88,9 @@ def test_a_pilot_is_short(seconds, denoise):
 
 
 def test_without_time_nothing_is_compared():
-    studio = Studio({ALONE: 1e-3})
-    for denoise, plans in ((False, RAW), (True, DENOISED)):
-        choice = studio.pilot(0.5, denoise)
-        assert choice.plan.name == plans[0]
-        assert "no time" in choice.why
+    choice = Studio({ALONE: 1e-3}).pilot(0.5)
+    assert choice.plan.name == OTHERS[0]
+    assert "no time" in choice.why
 
 
 def test_time_counts():
@@ -109,36 +100,26 @@ def test_time_counts():
     plans = [PLANS["rounds"], PLANS["candidates"]]
     dear = Measured(plans[0], 3.0, 2 + (frames - 2) / np.sqrt(2))
     cheap = Measured(plans[1], 1.0, frames)
-    assert choose([dear, cheap], False, 0).plan is plans[1]
-    assert choose([cheap, dear], False, 0).plan is plans[1]
-
-
-def test_a_denoiser_sees_what_is_coarse():
-    """Noise of single pixels is small through a Gaussian, and the same noise in blocks is not."""
-    rng = np.random.default_rng(3)
-    fine = rng.normal(size=(3, 1, *SHAPE))
-    coarse = np.kron(rng.normal(size=(3, 1, SHAPE[0] // 8, SHAPE[1] // 8)), np.ones((8, 8)))
-    assert error(coarse, False) == pytest.approx(error(fine, False), rel=0.3)
-    assert error(coarse, True) > 10 * error(fine, True)
+    assert choose([dear, cheap], 0).plan is plans[1]
+    assert choose([cheap, dear], 0).plan is plans[1]
 
 
 def test_a_few_fireflies_do_not_decide():
     frames = np.random.default_rng(4).normal(size=(3, 1, *SHAPE))
     lit = frames.copy()
     lit[1, 0, 20, 30] = 1e4
-    assert error(lit, False) == pytest.approx(error(frames, False), rel=0.01)
+    assert error(lit) == pytest.approx(error(frames), rel=0.01)
 
 
-@pytest.mark.parametrize("denoise", [False, True])
-def test_without_light_there_is_a_plan(denoise):
+def test_without_light_there_is_a_plan():
     measured = [
         Measured(PLANS[name], 1.0, np.zeros((2, 3, *SHAPE))) for name in ("rounds", "light")
     ]
     with np.errstate(all="raise", under="ignore"):
-        choice = choose(measured, denoise, 0)
+        choice = choose(measured, 0)
     assert choice.plan.name == "light"
     assert "no plan found light" in choice.why
 
 
 def test_plans_that_are_tried_exist():
-    assert {ALONE, *RAW, *DENOISED} <= PLANS.keys()
+    assert {ALONE, *OTHERS} <= PLANS.keys()

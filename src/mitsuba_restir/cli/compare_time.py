@@ -25,7 +25,7 @@ from ..studies.runs.results import ReferenceImage
 STRIP = "equal_time.png"
 _MARGIN, _TITLE, _LABEL, _LEAST_WIDTH = 8, 30, 38, 230
 
-SAMPLES = 16
+SAMPLES = 8
 """Of `path` in one call: it is slower with few, and would end too late with many."""
 
 _WARM_UP = 3

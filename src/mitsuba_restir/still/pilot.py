@@ -43,9 +43,8 @@ DEAR = 3
 TRIMMED = 0.001
 """Share of the pixels with the largest errors that are left out."""
 
-SEEN = 3.0
-"""Errors are looked at through a Gaussian of this standard deviation where the picture will be
-denoised [pixels]: a denoiser removes what is finer and keeps what is not."""
+AROUND = 3.0
+"""Variance is relative to what is seen through a Gaussian of this standard deviation [pixels]."""
 
 WORTH = 0.9
 """A plan takes the place of another only where it needs less than this share of its time."""
@@ -54,11 +53,8 @@ ALONE = "candidates"
 """The plan without reuse. Its frames give the time that a tree takes; its error is that of the
 candidates in the frames of another plan, in which as much of the tail is met."""
 
-RAW = ("rounds", "shared", "rounds_guided", "light", "light_guided")
+OTHERS = ("rounds", "shared", "rounds_guided", "light", "light_guided")
 """Other plans in the order in which they are tried; the first is for those who have no time."""
-
-DENOISED = ("light", "light_guided", "rounds", "wide", "rounds_guided")
-"""The same for pictures that will be denoised: what reuse removes, the denoiser would remove."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,6 @@ class Choice:
 def pilot(
     begin: Callable[[Plan], Render],
     seconds: float | None,
-    denoise: bool,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Choice:
     """
@@ -115,8 +110,6 @@ def pilot(
         another seed makes them independent of it.
     seconds : float or None
         Time for the picture; None where it is not known.
-    denoise : bool
-        Whether the picture will be denoised.
     clock : callable
         Seconds.
     """
@@ -126,7 +119,7 @@ def pilot(
     tree = alone.seconds / TIMED
     measured: list[Measured] = []
     expected = (1 + LEAST) * DEAR * alone.seconds
-    for name in DENOISED if denoise else RAW:
+    for name in OTHERS:
         plan, began = PLANS[name], clock()
         learning = LEARNT * plan.spp * tree if plan.learns else 0
         if began + learning + expected > end:
@@ -134,13 +127,14 @@ def pilot(
         measured.append(_measure(plan, TREES, begin, clock, end))
         expected = clock() - began - learning
     if not measured:
-        plan = PLANS[(DENOISED if denoise else RAW)[0]]
-        return Choice(plan, "there was no time to compare it with others", clock() - start)
+        return Choice(
+            PLANS[OTHERS[0]], "there was no time to compare it with others", clock() - start
+        )
     candidates = replace(alone, seconds=TREES * tree, frames=measured[0].frames[:, :1])
-    return choose([*measured, candidates], denoise, clock() - start)
+    return choose([*measured, candidates], clock() - start)
 
 
-def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choice:
+def choose(measured: Sequence[Measured], seconds: float) -> Choice:
     """
     The plan that needs the least time for an error.
 
@@ -148,22 +142,20 @@ def choose(measured: Sequence[Measured], denoise: bool, seconds: float) -> Choic
     ----------
     measured : sequence of Measured
         At equal trees, the first with reuse; the last is chosen where no other is clearly better.
-    denoise : bool
-        Whether the picture will be denoised.
     seconds : float
         That the pilot took.
     """
     mean = measured[0].frames[:, -1].mean(axis=0)
-    size = gaussian_filter(mean, SEEN, mode="nearest")
+    size = gaussian_filter(mean, AROUND, mode="nearest")
     scale = np.sqrt(size**2 + (0.01 * mean.mean()) ** 2) + np.finfo(np.float64).tiny
-    costs = [each.seconds * error(each.frames / scale, denoise) for each in measured]
+    costs = [each.seconds * error(each.frames / scale) for each in measured]
     best = len(measured) - 1
     for index, cost in enumerate(costs):
         best = index if cost < WORTH * costs[best] else best
-    return Choice(measured[best].plan, _why(measured, costs, best, denoise), seconds)
+    return Choice(measured[best].plan, _why(measured, costs, best), seconds)
 
 
-def error(frames: FloatArray, denoise: bool) -> float:
+def error(frames: FloatArray) -> float:
     """
     Variance of a frame, mean over the pixels without the worst.
 
@@ -171,20 +163,16 @@ def error(frames: FloatArray, denoise: bool) -> float:
     ----------
     frames : ndarray, (N, K, H, W)
         Relative luminances of the estimates; N is at least 2.
-    denoise : bool
-        Whether the error is looked at through a Gaussian.
     """
     count = len(frames)
     deviation = frames - frames.mean(axis=0)
     covariance = np.einsum("nihw,njhw->ijhw", deviation, deviation) / (count - 1)
     mixed = np.einsum("khw,nkhw->nhw", mixture(covariance, count), deviation)
-    if denoise:
-        mixed = gaussian_filter(mixed, (0, SEEN, SEEN), mode="nearest")
     variance = np.sort((mixed**2).sum(axis=0) / (count - 1), axis=None)
     return float(variance[: max(1, round(variance.size * (1 - TRIMMED)))].mean())
 
 
-def _why(measured: Sequence[Measured], costs: Sequence[float], best: int, denoise: bool) -> str:
+def _why(measured: Sequence[Measured], costs: Sequence[float], best: int) -> str:
     if not costs[best] > 0:
         return "no plan found light with noise"
     others = [
@@ -192,8 +180,7 @@ def _why(measured: Sequence[Measured], costs: Sequence[float], best: int, denois
         for index, (each, cost) in enumerate(zip(measured, costs, strict=True))
         if index != best
     ]
-    seen = f" seen through {SEEN:g} pixels" if denoise else ""
-    return f"variance{seen} x time, relative to its own: {', '.join(others)}"
+    return f"variance x time, relative to its own: {', '.join(others)}"
 
 
 def _measure(
