@@ -268,7 +268,7 @@ def test_motion_vectors(room):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"mutationz": 1}, "restir_pt has no parameter 'mutationz'; it has max_depth, "),
+        ({"mutationz": 1}, "restir_pt has no parameter 'mutationz'; it has preset, max_depth, "),
         ({"max_depth": -2}, "max_depth must be an integer of at least -1"),
         ({"rr_depth": 0}, "rr_depth must be"),
         ({"spatial_neighbors": 0}, "spatial_neighbors must be an integer from 1"),
