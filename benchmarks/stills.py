@@ -20,9 +20,11 @@ import numpy.typing as npt
 
 from mitsuba_restir import still
 from mitsuba_restir.analysis.denoise import GUIDES, denoise_guided
+from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.metrics import DEFAULT_EPSILON, trimmed_mean, trimmed_relmse
 from mitsuba_restir.errors import RenderError, UsageError
 from mitsuba_restir.imageio import Image, with_rgb
+from mitsuba_restir.still.error import FLOOR
 from mitsuba_restir.studies import load_study
 from mitsuba_restir.studies.config.adapt import adapt
 from mitsuba_restir.studies.runs.rendering import make_sensor
@@ -55,25 +57,32 @@ def three(variance: npt.NDArray[np.float64], mean: npt.NDArray[np.float64]) -> n
     return np.array([relative.mean(), trimmed_mean(relative), median])
 
 
-def path_films(subject: Subject, spp: int, count: int) -> tuple[list[Image], float]:
-    """Films of `path` with the denoiser's guides, and the median time of one [s]."""
-    guides = ",".join(f"{kind}:{kind}" for kind in GUIDES)
-    inner = {"type": "path", "max_depth": subject.max_depth}
-    integrator = mi.load_dict({"type": "aov", "aovs": guides, "path": inner})
+def path_frames(subject: Subject, spp: int, count: int) -> tuple[list[Image], float]:
+    """Frames of `path`, and the median time of one [s]."""
+    integrator = mi.load_dict({"type": "path", "max_depth": subject.max_depth})
 
     def render(seed: int) -> Image:
         film = mi.render(
             subject.scene, integrator=integrator, sensor=subject.sensor, spp=spp, seed=seed
         )
-        return with_rgb(film, 6)
+        return with_rgb(film, 0)
 
     render(subject.seed)
-    films, times = [], []
+    frames, times = [], []
     for index in range(count):
         begin = time.perf_counter()
-        films.append(render(subject.seed + 1 + index))
+        frames.append(render(subject.seed + 1 + index))
         times.append(time.perf_counter() - begin)
-    return films, float(np.median(times))
+    return frames, float(np.median(times))
+
+
+def guides(subject: Subject) -> list[Image]:
+    """What guides the denoiser, by enough samples to be free of noise, and out of the time."""
+    aovs = ",".join(f"{kind}:{kind}" for kind in GUIDES)
+    integrator = mi.load_dict({"type": "aov", "aovs": aovs})
+    film = mi.render(subject.scene, integrator=integrator, sensor=subject.sensor, spp=64)
+    channels = np.array(film)[..., -6:]
+    return [channels[..., :3], channels[..., 3:]]
 
 
 def stills(subject: Subject, seconds: float, count: int, denoise: bool) -> list[still.Still]:
@@ -95,8 +104,8 @@ def stills(subject: Subject, seconds: float, count: int, denoise: bool) -> list[
 
 def report(subject: Subject, seconds: float, count: int) -> None:
     """Measure, and print."""
-    films, pace = path_films(subject, 1, FRAMES)
-    _, path_variance = moments([film[..., :3] for film in films])
+    frames, pace = path_frames(subject, 1, FRAMES)
+    _, path_variance = moments(frames)
     plain = stills(subject, seconds, count, denoise=False)
     mean, variance = moments([each.image for each in plain])
     took = float(np.mean([each.seconds for each in plain]))
@@ -106,14 +115,17 @@ def report(subject: Subject, seconds: float, count: int) -> None:
     print(f"stills of {took:.2f} s, frame of path {1e3 * pace:.1f} ms")
     print("efficiency, all pixels {:.3g}, trimmed {:.3g}, median pixel {:.3g}".format(*gains))
     stated = np.sqrt(np.mean([each.error**2 for each in plain]))
-    print(f"stated error {stated:.4g}, true {np.sqrt(three(variance, mean)[1]):.4g}")
+    true = variance / (mean**2 + (FLOOR * luminance(mean).mean()) ** 2)
+    print(f"stated error {stated:.4g}, true {np.sqrt(trimmed_mean(true)):.4g}")
 
     planned = stills(subject, seconds, 2, denoise=True)
     denoised = [each.denoised for each in planned if each.denoised is not None]
     print("plans, denoised:", ", ".join(f"{each.plan.name}" for each in planned))
-    samples = max(1, round(seconds / pace))
-    films, spent = path_films(subject, samples, 2)
-    clean = [denoise_guided(f[..., :3], f[..., 3:6], f[..., 6:9]) for f in films]
+    _, slow = path_frames(subject, 16, 2)
+    samples = max(1, round(16 * seconds / slow))
+    frames, spent = path_frames(subject, samples, 2)
+    seen = guides(subject)
+    clean = [denoise_guided(frame, *seen) for frame in frames]
     for name, images, took in (
         ("still --denoise", denoised, float(np.mean([each.seconds for each in planned]))),
         (f"path, {samples} samples, denoised", clean, spent),
