@@ -28,6 +28,9 @@ _MARGIN, _TITLE, _LABEL, _LEAST_WIDTH = 8, 30, 38, 230
 SAMPLES = 8
 """Of `path` in one call: it is slower with few, and would end too late with many."""
 
+_SEEN = 64
+"""Samples of what guides the denoiser."""
+
 _WARM_UP = 3
 """Frames until all kernels are compiled."""
 
@@ -75,8 +78,7 @@ def pictures(subject: Subject, report: Callable[[int, int, str], None]) -> list[
         Progress: how many are done, of how many, and what it is.
     """
     report(0, 4, "equal time")
-    inner = {"type": "path", **subject.depths}
-    path = _films(subject, {"type": "aov", "path": inner}, SAMPLES)
+    path = _films(subject, {"type": "path", **subject.depths}, SAMPLES)
     report(1, 4, "equal time")
     history = _films(subject, {"type": "restir_pt", **subject.reuse}, 1)
     report(2, 4, "equal time")
@@ -84,8 +86,8 @@ def pictures(subject: Subject, report: Callable[[int, int, str], None]) -> list[
     samples = f"path, {SAMPLES * path.frames} samples a pixel"
     frame = f"frame {history.frames} of a history"
     shown = [
-        Shown(samples, path.seconds, path.mean[..., :3]),
-        Shown(frame, history.seconds, history.last[..., :3]),
+        Shown(samples, path.seconds, path.mean),
+        Shown(frame, history.seconds, history.last),
         Shown(f"still, {drawn.frames} frames", drawn.seconds, drawn.image),
     ]
     if importlib.util.find_spec("mitsuba_oidn") is None:
@@ -93,17 +95,18 @@ def pictures(subject: Subject, report: Callable[[int, int, str], None]) -> list[
     report(3, 4, "equal time")
     planned = _still(subject, denoise=True)
     assert planned.denoised is not None
+    guides = _guides(subject)
     return [
         *shown,
-        Shown(f"{samples}, denoised", path.seconds, _denoised(path.mean)),
-        Shown(f"{frame}, denoised", history.seconds, _denoised(history.last)),
+        Shown(f"{samples}, denoised", path.seconds, denoise_guided(path.mean, *guides)),
+        Shown(f"{frame}, denoised", history.seconds, denoise_guided(history.last, *guides)),
         Shown(f"still --denoise, {planned.frames} frames", planned.seconds, planned.denoised),
     ]
 
 
 @dataclass(frozen=True)
 class _Films:
-    """The mean of films, (H, W, 9), the last one, how many they are, and their time [s]."""
+    """The mean of films, (H, W, 3), the last one, how many they are, and their time [s]."""
 
     mean: Image
     last: Image
@@ -113,14 +116,13 @@ class _Films:
 
 def _films(subject: Subject, description: Mapping[str, Any], spp: int) -> _Films:
     """Frame after frame from a cold start, as long as the next one would end in time."""
-    guides = ",".join(f"{kind}:{kind}" for kind in GUIDES)
-    integrator = mi.load_dict({**description, "aovs": guides})
+    integrator = mi.load_dict(description)
 
     def render(seed: int) -> Image:
         film = mi.render(
             subject.scene, integrator=integrator, sensor=subject.sensor, spp=spp, seed=seed
         )
-        return imageio.with_rgb(film, 6)
+        return imageio.with_rgb(film, 0)
 
     for seed in range(_WARM_UP):
         render(subject.seed + seed)
@@ -150,8 +152,13 @@ def _still(subject: Subject, denoise: bool) -> still.Still:
     return render(subject.seconds)
 
 
-def _denoised(film: Image) -> Image:
-    return denoise_guided(film[..., :3], film[..., 3:6], film[..., 6:9])
+def _guides(subject: Subject) -> tuple[Image, Image]:
+    """What guides the denoiser, by enough samples to be free of noise, and not in anyone's time."""
+    aovs = ",".join(f"{kind}:{kind}" for kind in GUIDES)
+    integrator = mi.load_dict({"type": "aov", "aovs": aovs})
+    film = mi.render(subject.scene, integrator=integrator, sensor=subject.sensor, spp=_SEEN)
+    channels = np.array(film, dtype=np.float32)[..., -6:]
+    return channels[..., :3], channels[..., 3:]
 
 
 def strip(title: str, shown: Sequence[Shown], reference: ReferenceImage) -> Image:
