@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mitsuba_restir import still
-from mitsuba_restir.analysis.denoise import GUIDES, denoise_guided
+from mitsuba_restir.analysis.denoise import denoise_guided
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.metrics import DEFAULT_EPSILON, trimmed_mean, trimmed_relmse
 from mitsuba_restir.errors import RenderError, UsageError
@@ -27,7 +27,7 @@ from mitsuba_restir.imageio import Image, with_rgb
 from mitsuba_restir.still.error import FLOOR
 from mitsuba_restir.studies import load_study
 from mitsuba_restir.studies.config.adapt import adapt
-from mitsuba_restir.studies.runs.rendering import make_sensor
+from mitsuba_restir.studies.runs.rendering import denoiser_guides, make_sensor
 from mitsuba_restir.studies.runs.scene import load_scene
 
 FRAMES = 64
@@ -76,15 +76,6 @@ def path_frames(subject: Subject, spp: int, count: int) -> tuple[list[Image], fl
     return frames, float(np.median(times))
 
 
-def guides(subject: Subject) -> list[Image]:
-    """What guides the denoiser, by enough samples to be free of noise, and out of the time."""
-    aovs = ",".join(f"{kind}:{kind}" for kind in GUIDES)
-    integrator = mi.load_dict({"type": "aov", "aovs": aovs})
-    film = mi.render(subject.scene, integrator=integrator, sensor=subject.sensor, spp=64)
-    channels = np.array(film)[..., -6:]
-    return [channels[..., :3], channels[..., 3:]]
-
-
 def stills(subject: Subject, seconds: float, count: int, denoise: bool) -> list[still.Still]:
     """Independent stills, each with a pilot of its own; the kernels are compiled before."""
 
@@ -124,8 +115,8 @@ def report(subject: Subject, seconds: float, count: int) -> None:
     _, slow = path_frames(subject, 16, 2)
     samples = max(1, round(16 * seconds / slow))
     frames, spent = path_frames(subject, samples, 2)
-    seen = guides(subject)
-    clean = [denoise_guided(frame, *seen) for frame in frames]
+    guides = denoiser_guides(subject.scene, subject.sensor)
+    clean = [denoise_guided(frame, *guides) for frame in frames]
     for name, images, took in (
         ("still --denoise", denoised, float(np.mean([each.seconds for each in planned]))),
         (f"path, {samples} samples, denoised", clean, spent),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import socket
@@ -17,6 +16,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 import pytest
+from support.disks import refuse
 
 from mitsuba_restir import cli
 from mitsuba_restir.arrays import load_arrays
@@ -297,14 +297,7 @@ def test_a_full_disk_loses_nothing(tiny_disk, folder, capsys):
 
 
 def test_a_checkpoint_that_cannot_be_written_does_not_end_the_still(folder, capsys, monkeypatch):
-    replace = os.replace
-
-    def full(source: str, target: Any) -> None:
-        if str(target).endswith(".checkpoint"):
-            raise OSError(28, "No space left on device")
-        replace(source, target)
-
-    monkeypatch.setattr(os, "replace", full)
+    refuse(monkeypatch, ".checkpoint")
     assert cli.main([*TINY, "--frames", "3"]) == 0
     (line,) = said(capsys)
     assert line.startswith("cannot write a.checkpoint: No space left on device")

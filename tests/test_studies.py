@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rich.console import Console
+from support.disks import refuse
 
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.runs.turns as runs_module
@@ -892,14 +893,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
     log: list[tuple[str, int]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    replace = os.replace
-
-    def full(source: str, target: Path) -> None:
-        if str(target).endswith("0001.npz"):
-            raise OSError(28, "No space left on device")
-        replace(source, target)
-
-    monkeypatch.setattr(os, "replace", full)
+    refuse(monkeypatch, "0001.npz")
     with pytest.raises(RenderError, match="No space left on device"):
         run_study(study, tmp_path / "out")
     monkeypatch.undo()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Mapping
 from typing import Any
 
@@ -69,6 +70,11 @@ def denoise_guided(colour: Image, albedo: Image, normal: Image) -> Image:
         If `mitsuba-oidn` is not installed.
     """
     return _filtered(colour, {"albedo": albedo, "normal": normal})
+
+
+def installed() -> bool:
+    """Whether the denoiser is there."""
+    return importlib.util.find_spec("mitsuba_oidn") is not None
 
 
 def require() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -17,9 +16,9 @@ from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
 from .. import imageio, still
-from ..analysis import metrics
-from ..analysis.denoise import GUIDES, denoise_guided
+from ..analysis import denoise, metrics
 from ..imageio import Image
+from ..studies.runs.rendering import denoiser_guides
 from ..studies.runs.results import ReferenceImage
 
 STRIP = "equal_time.png"
@@ -27,9 +26,6 @@ _MARGIN, _TITLE, _LABEL, _LEAST_WIDTH = 8, 30, 38, 230
 
 SAMPLES = 8
 """Of `path` in one call: it is slower with few, and would end too late with many."""
-
-_SEEN = 64
-"""Samples of what guides the denoiser."""
 
 _WARM_UP = 3
 """Frames until all kernels are compiled."""
@@ -90,16 +86,17 @@ def pictures(subject: Subject, report: Callable[[int, int, str], None]) -> list[
         Shown(frame, history.seconds, history.last),
         Shown(f"still, {drawn.frames} frames", drawn.seconds, drawn.image),
     ]
-    if importlib.util.find_spec("mitsuba_oidn") is None:
+    if not denoise.installed():
         return shown
     report(3, 4, "equal time")
     planned = _still(subject, denoise=True)
     assert planned.denoised is not None
-    guides = _guides(subject)
+    # They are the same for all, and in nobody's time.
+    guides = denoiser_guides(subject.scene, subject.sensor)
     return [
         *shown,
-        Shown(f"{samples}, denoised", path.seconds, denoise_guided(path.mean, *guides)),
-        Shown(f"{frame}, denoised", history.seconds, denoise_guided(history.last, *guides)),
+        Shown(f"{samples}, denoised", path.seconds, denoise.denoise_guided(path.mean, *guides)),
+        Shown(f"{frame}, denoised", history.seconds, denoise.denoise_guided(history.last, *guides)),
         Shown(f"still --denoise, {planned.frames} frames", planned.seconds, planned.denoised),
     ]
 
@@ -150,15 +147,6 @@ def _still(subject: Subject, denoise: bool) -> still.Still:
 
     render(0.1)  # compiles the kernels
     return render(subject.seconds)
-
-
-def _guides(subject: Subject) -> tuple[Image, Image]:
-    """What guides the denoiser, by enough samples to be free of noise, and not in anyone's time."""
-    aovs = ",".join(f"{kind}:{kind}" for kind in GUIDES)
-    integrator = mi.load_dict({"type": "aov", "aovs": aovs})
-    film = mi.render(subject.scene, integrator=integrator, sensor=subject.sensor, spp=_SEEN)
-    channels = np.array(film, dtype=np.float32)[..., -6:]
-    return channels[..., :3], channels[..., 3:]
 
 
 def strip(title: str, shown: Sequence[Shown], reference: ReferenceImage) -> Image:

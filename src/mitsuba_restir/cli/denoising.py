@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-
+from ..analysis.denoise import installed
 from ..errors import UsageError
 
 PRESET = "denoised"
@@ -19,5 +18,5 @@ def require() -> None:
     UsageError
         It is not; says how to install it.
     """
-    if importlib.util.find_spec("mitsuba_oidn") is None:
+    if not installed():
         raise UsageError("argument --denoise: needs pip install 'mitsuba-restir[denoise]'")

@@ -7,26 +7,44 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from ..still import Progress as Now
 from ..studies.runner import Progress as Report
 
 
-@contextmanager
-def progress_bar(name: str) -> Iterator[Report]:
-    """Show a bar for the time of a context; yields what a study reports its progress to."""
+def bar(state: str, *left: ProgressColumn) -> Progress:
+    """A bar with its description before it, and after it how far it is, and what time is left.
+
+    Parameters
+    ----------
+    state : str
+        How far it is, in terms of its ``task``.
+    *left : ProgressColumn
+        The time left; by the pace so far where none is given.
+    """
     screen = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.percentage:.0f} %"),
+        TextColumn(state),
         TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
+        *(left or (TextColumn("left"), TimeRemainingColumn())),
     )
-    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
-    with bar as progress:
+    return Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
+
+
+@contextmanager
+def progress_bar(name: str) -> Iterator[Report]:
+    """Show a bar for the time of a context; yields what a study reports its progress to."""
+    with bar("{task.percentage:.0f} %") as progress:
         task = progress.add_task(name, total=None)
 
         def report(done: int, total: int, text: str) -> None:
@@ -38,16 +56,8 @@ def progress_bar(name: str) -> Iterator[Report]:
 @contextmanager
 def still_bar() -> Iterator[Callable[[Now], None]]:
     """Show how far a still is, for the time of a context; yields what is told of its progress."""
-    screen = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[frames]} frames"),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[left]}"),
-    )
-    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
-    with bar as progress:
+    left = TextColumn("{task.fields[left]}")
+    with bar("{task.fields[frames]} frames", left) as progress:
         task = progress.add_task("rendering", total=1.0, frames=0, left="")
 
         def report(now: Now) -> None:

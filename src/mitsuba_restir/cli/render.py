@@ -14,6 +14,7 @@ from .. import __version__, camera_path
 from ..analysis.denoise import GUIDES
 from ..errors import UsageError, rendering
 from ..imageio import RGB, Image, with_rgb
+from ..integrators.parameters import asking_for
 from ..passes.shade import AOVS
 from . import denoising, loading, output
 from .arguments import as_dict, assignment, integer, positive_seconds, resolution
@@ -56,6 +57,16 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "-s", "--sensor", metavar="N", type=integer(0), default=0, help="which sensor (0)"
+    )
+
+
+def add_aovs_argument(parser: argparse.ArgumentParser) -> None:
+    """Add what every command that writes auxiliary images accepts."""
+    parser.add_argument(
+        "--aovs",
+        metavar="LIST",
+        help=f"extra channels in the EXR, separated by commas: {', '.join(AOVS)}, each also as "
+        "name:type",
     )
 
 
@@ -103,12 +114,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--average", action="store_true", help="write one picture, the mean of all frames"
     )
-    parser.add_argument(
-        "--aovs",
-        metavar="LIST",
-        help=f"extra channels in the EXR, separated by commas: {', '.join(AOVS)}, each also as "
-        "name:type",
-    )
+    add_aovs_argument(parser)
     parser.add_argument(
         "--denoise",
         action="store_true",
@@ -142,7 +148,7 @@ def run(options: argparse.Namespace) -> int:
     guides = _guides(aovs) if options.denoise else {}
     wanted = {**aovs, **{name: kind for kind, name in guides.items()}}
     if wanted:
-        parameters["aovs"] = ",".join(f"{name}:{kind}" for name, kind in wanted.items())
+        parameters["aovs"] = asking_for(wanted)
     integrator = loading.make_integrator("restir_pt", parameters)
     scene = loading.load_scene(options.scene, definitions, options.resolution, options.keep_filter)
     sensor = loading.choose_sensor(scene, options.sensor)

@@ -7,10 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
 from ..imageio import Image
+from .progress import bar
 
 
 @dataclass(frozen=True)
@@ -60,18 +58,7 @@ def run_frames(
     begin = clock()
     pace = 0.0
     frame = -schedule.warmup
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[state]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as progress:
+    with bar("{task.fields[state]}") as progress:
         total = None if schedule.frames is None else schedule.warmup + schedule.frames
         task = progress.add_task("rendering", total=budget if total is None else total, state="")
         for done in itertools.count():

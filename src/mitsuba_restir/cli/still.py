@@ -13,6 +13,7 @@ import mitsuba as mi
 from .. import __version__, scene_files
 from ..errors import UsageError, rendering
 from ..integrators.declaration import Value
+from ..integrators.parameters import asking_for
 from ..passes.shade import AOVS
 from ..still import checkpoint
 from ..still.driver import begun
@@ -25,7 +26,7 @@ from . import denoising, loading, output, tev
 from .arguments import as_dict, integer, place, positive, positive_seconds, seconds_between
 from .parameters import parse_aovs, parse_parameters
 from .progress import still_bar
-from .render import MAX_FRAMES, add_scene_arguments
+from .render import MAX_FRAMES, add_aovs_argument, add_scene_arguments
 from .signals import held
 from .still_files import SUFFIX, StillFiles
 from .writer import DENOISED
@@ -85,12 +86,7 @@ def add_command(commands: Any) -> None:
         action="store_true",
         help="also write the picture denoised (OIDN), and plan for that",
     )
-    parser.add_argument(
-        "--aovs",
-        metavar="LIST",
-        help=f"extra channels in the EXR, separated by commas: {', '.join(AOVS)}, each also as "
-        "name:type",
-    )
+    add_aovs_argument(parser)
     parser.add_argument(
         "--checkpoint-every",
         metavar="S",
@@ -162,7 +158,7 @@ def _subject(
 ) -> Subject:
     """Load what is to be rendered, and refuse what the plugin would refuse later."""
     loading.choose_variant(options.variant)
-    images = {"aovs": ",".join(f"{name}:{kind}" for name, kind in aovs.items())} if aovs else {}
+    images = {"aovs": asking_for(aovs)} if aovs else {}
     loading.make_integrator("restir_pt", {**parameters, **images})
     definitions = as_dict(options.definitions, "-D")
     scene = loading.load_scene(options.scene, definitions, options.resolution)

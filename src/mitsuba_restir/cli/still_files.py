@@ -58,7 +58,8 @@ class StillFiles:
     @property
     def checkpoint(self) -> Path:
         """Where the checkpoint is."""
-        return checkpoint_of(self.target)
+        base = self.target.name(0)
+        return base.with_name(base.name + SUFFIX)
 
     def tick(self, growth: Growth) -> None:
         """Write a checkpoint if it is time to."""
@@ -87,12 +88,6 @@ class StillFiles:
         if still.denoised is not None:
             metadata["denoised"] = "Intel Open Image Denoise"
             self.written += self.target.write(0, still.denoised, RGB, metadata, DENOISED)
-
-
-def checkpoint_of(target: output.Output) -> Path:
-    """Where the checkpoint of a picture is."""
-    base = target.name(0)
-    return base.with_name(base.name + SUFFIX)
 
 
 def _metadata(still: Still) -> dict[str, str]:

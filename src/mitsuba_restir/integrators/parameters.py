@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -185,8 +186,7 @@ class Parameters:
     @property
     def images(self) -> tuple[tuple[str, str], ...]:
         """Name and type of each auxiliary image; as in Mitsuba's ``aov``, a type is a name too."""
-        entries = (entry.strip().partition(":") for entry in self.aovs.split(",") if entry.strip())
-        return tuple((name, kind or name) for name, _, kind in entries)
+        return images_of(self.aovs)
 
     def shows(self, kind: str) -> bool:
         """Whether an auxiliary image of a type is asked for."""
@@ -200,6 +200,17 @@ class Parameters:
             for name, declaration in PARAMETERS.items()
             if declaration.biased(self)
         )
+
+
+def images_of(aovs: str) -> tuple[tuple[str, str], ...]:
+    """Name and type of each auxiliary image that the parameter ``aovs`` asks for."""
+    entries = (entry.strip().partition(":") for entry in aovs.split(",") if entry.strip())
+    return tuple((name, kind or name) for name, _, kind in entries)
+
+
+def asking_for(images: Mapping[str, str]) -> str:
+    """The parameter ``aovs``, of `restir_pt` as of Mitsuba's ``aov``, for images: name to type."""
+    return ",".join(f"{name}:{kind}" for name, kind in images.items())
 
 
 PARAMETERS = declarations(Parameters)

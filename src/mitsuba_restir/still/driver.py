@@ -11,6 +11,7 @@ import numpy as np
 
 from ..analysis import denoise as denoiser
 from ..errors import UsageError
+from ..integrators.parameters import images_of
 from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
@@ -84,7 +85,7 @@ def render(
     goal = goal_of(error, seconds, frames)
     if denoise:
         denoiser.require()
-    aovs = _named(str(parameters.pop("aovs", "")))
+    aovs = dict(images_of(str(parameters.pop("aovs", ""))))
     check_parameters(parameters)
     if not isinstance(sensor, mi.Sensor):
         sensor = scene.sensors()[sensor or 0]
@@ -142,9 +143,3 @@ def _plan(given: str | Plan | None) -> Plan | None:
         return parse(given)
     except UsageError as error:
         raise ValueError(str(error).removeprefix("argument --")) from error
-
-
-def _named(text: str) -> dict[str, str]:
-    """The integrator's ``name:type, ...`` as name to type."""
-    entries = (entry.strip().partition(":") for entry in text.split(",") if entry.strip())
-    return {name: kind or name for name, _, kind in entries}

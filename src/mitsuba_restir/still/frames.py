@@ -14,6 +14,7 @@ from ..analysis.denoise import GUIDES
 from ..analysis.images import channels_luminance
 from ..errors import one_line
 from ..integrators.declaration import Value
+from ..integrators.parameters import asking_for
 from ..integrators.state import State, unpacked
 from .accumulate import Layout, Size
 from .plan import MIXED, PLANNED, Plan
@@ -125,7 +126,7 @@ class Frames:
             {
                 **self.plan.integrator,
                 **subject.parameters,
-                "aovs": ",".join(f"{name}:{kind}" for name, kind in wanted.items()),
+                "aovs": asking_for(wanted),
             }
         )
         width, height = subject.sensor.film().crop_size()

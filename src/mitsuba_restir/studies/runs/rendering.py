@@ -12,7 +12,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ...analysis.denoise import GUIDES
 from ...errors import UsageError, one_line
+from ...integrators.parameters import asking_for
 from ..config.study import Crop, Size, Study, Variant
 from .motion import look_at, make_place
 from .results import Image
@@ -223,6 +225,19 @@ def renderer_of(
         return draw(scene, sensor, dr.opaque(mi.UInt32, seed))
 
     return Renderer(draw_anew, _nothing, has_history=False)
+
+
+_SEEN = 64
+"""Samples of what guides a denoiser: enough to be free of noise."""
+
+
+def denoiser_guides(scene: Any, sensor: Any) -> tuple[Image, Image]:
+    """Render what the denoiser is guided by where an integrator has none: albedo and normals."""
+    aovs = asking_for({kind: kind for kind in GUIDES})
+    integrator = mi.load_dict({"type": "aov", "aovs": aovs})
+    film = mi.render(scene, integrator=integrator, sensor=sensor, spp=_SEEN)
+    albedo, normal = np.split(np.array(film, dtype=np.float32)[..., -6:], 2, axis=-1)
+    return albedo, normal
 
 
 def _nothing() -> None:
