@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-long lint types install clean
+.PHONY: demo test test-long lint types docs figures dist install clean
 
 demo: $(STAMP)
 	$(BIN)/mitsuba-restir compare ajar --equal-time 4 -o out/demo
@@ -22,6 +22,17 @@ lint: $(STAMP)
 types: $(STAMP)
 	$(BIN)/mypy
 
+docs: $(STAMP)
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
+figures: $(STAMP)
+	$(BIN)/python docs/teaser.py
+	$(BIN)/python docs/run_notebooks.py
+	$(BIN)/python docs/growth.py
+
+dist: $(STAMP)
+	$(BIN)/python docs/try_wheel.py
+
 install: $(STAMP)
 
 $(STAMP): pyproject.toml
@@ -33,4 +44,4 @@ $(STAMP): pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) out
+	rm -rf $(VENV) out docs/_build dist
