@@ -9,6 +9,7 @@ from pathlib import Path
 # The package brings the LLVM, and comes before mitsuba.
 import mitsuba_restir  # isort: skip
 import mitsuba as mi
+from sphinx.application import Sphinx
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "_ext"))
@@ -46,9 +47,6 @@ autodoc_member_order = "bysource"
 napoleon_use_rtype = False
 napoleon_custom_sections = [("Fields", "params_style")]
 
-# Pages that may not be there yet, in the table of contents.
-suppress_warnings = ["toc.empty_glob"]
-
 
 def repository() -> str:
     """Address of the repository, which pyproject.toml states."""
@@ -63,3 +61,20 @@ html_theme_options = {
     "source_branch": "main",
     "source_directory": "docs/",
 }
+
+
+OPTIONAL = ("viewer", "animation")
+"""Pages of parts of the package that a checkout may do without."""
+
+
+def without_missing(app: Sphinx, name: str, source: list[str]) -> None:
+    """Leave pages out of the table of contents that are not there."""
+    if name == "index":
+        for page in OPTIONAL:
+            if not (HERE / f"{page}.md").is_file():
+                source[0] = source[0].replace(f"\n{page}\n", "\n")
+
+
+def setup(app: Sphinx) -> None:
+    """Register it."""
+    app.connect("source-read", without_missing)
