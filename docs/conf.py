@@ -31,11 +31,14 @@ extensions = [
     "notebook_cells",
 ]
 exclude_patterns = ["_build"]
+smartquotes = False  # two dashes are an option's
 html_theme = "furo"
 html_title = "mitsuba-restir"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+html_use_index = False
+html_domain_indices = False
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "attrs_inline"]
 myst_heading_anchors = 3
@@ -45,6 +48,7 @@ bibtex_default_style = "plain"
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 napoleon_use_rtype = False
+napoleon_use_ivar = True
 napoleon_custom_sections = [("Fields", "params_style")]
 
 

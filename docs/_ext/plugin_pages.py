@@ -1,19 +1,24 @@
 """Directives of Mitsuba's own reference pages, so that a plugin's docstring is its page.
 
-``pluginparameters`` is a list of name, type and meaning, drawn as a table; ``tabs`` with
-``code-tab`` shows the same in several languages, here one below the other. ``:monosp:`` is code.
+``plugin-page`` shows that docstring. In it, ``pluginparameters`` is a list of name, type and
+meaning, drawn as a table; ``tabs`` with ``code-tab`` shows the same in several languages, here one
+below the other; ``:monosp:`` is code.
 """
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import re
 from typing import Any
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
 from docutils.parsers.rst.roles import register_generic_role
+from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+from sphinx.util.nodes import nested_parse_with_titles
 
 MANUAL = "https://mitsuba.readthedocs.io/en/stable/src/"
 
@@ -92,6 +97,23 @@ class CodeTab(Directive):
         return [heading, nodes.literal_block(text, text, language=language)]
 
 
+class PluginPage(SphinxDirective):
+    """The docstring of a plugin's class, which is its page."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Parse it, headings included."""
+        module, _, name = self.arguments[0].rpartition(".")
+        plugin = getattr(importlib.import_module(module), name)
+        self.env.note_dependency(inspect.getsourcefile(plugin))
+        text = StringList(inspect.getdoc(plugin).splitlines(), source=f"docstring of {name}")
+        found = nodes.Element()
+        found.document = self.state.document
+        nested_parse_with_titles(self.state, text, found)
+        return found.children
+
+
 def elsewhere(app: Sphinx, env: Any, node: Any, content: nodes.Node) -> nodes.Node | None:
     """Link what is in Mitsuba's manual."""
     address = ELSEWHERE.get(node["reftarget"])
@@ -100,6 +122,7 @@ def elsewhere(app: Sphinx, env: Any, node: Any, content: nodes.Node) -> nodes.No
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register all of it."""
+    app.add_directive("plugin-page", PluginPage)
     app.add_directive("pluginparameters", PluginParameters)
     app.add_directive("tabs", Tabs)
     app.add_directive("code-tab", CodeTab)
