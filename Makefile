@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-long lint types docs figures dist install clean
+.PHONY: demo test test-long test-notebooks lint types docs figures dist install clean
 
 demo: $(STAMP)
 	$(BIN)/mitsuba-restir compare ajar --equal-time 4 -o out/demo
@@ -14,6 +14,9 @@ test: $(STAMP)
 
 test-long: $(STAMP)
 	$(BIN)/python -m pytest -m long $(ARGS)
+
+test-notebooks: $(STAMP)
+	$(BIN)/python -m pytest -m notebooks $(ARGS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

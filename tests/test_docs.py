@@ -241,7 +241,6 @@ def test_what_a_notebook_draws_is_kept(path):
     assert {f"{path.stem}-{name}" for name in names} <= kept
 
 
-@pytest.mark.slow
 @pytest.mark.notebooks
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
