@@ -21,9 +21,9 @@ from mitsuba_restir.imageio import to_srgb8
 
 WIDTH, HEIGHT = 480, 270
 SECONDS = 10.0
-EXPOSURE = 2.0
+EXPOSURE = 1.6
 ZOOM = 4
-CROPS = ((176, 100), (300, 150))
+CROPS = ((176, 100), (60, 112))
 """Left upper corners [pixels]."""
 
 GAP, LABEL = 8, 30
