@@ -31,7 +31,6 @@ extensions = [
     "notebook_cells",
 ]
 exclude_patterns = ["_build"]
-smartquotes = False  # two dashes are an option's
 html_theme = "furo"
 html_title = "mitsuba-restir"
 html_static_path = ["_static"]
@@ -48,8 +47,7 @@ bibtex_default_style = "plain"
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 napoleon_use_rtype = False
-napoleon_use_ivar = True
-napoleon_custom_sections = [("Fields", "params_style")]
+napoleon_custom_sections = [(name, "params_style") for name in ("Fields", "Attributes")]
 
 
 def repository() -> str:

@@ -11,9 +11,6 @@ from sphinx.util.docutils import SphinxDirective
 
 from mitsuba_restir.cli import build_parser
 
-COLUMNS = "76"
-"""Width of the usage texts."""
-
 
 class CommandLine(SphinxDirective):
     """All commands with their options."""
@@ -33,7 +30,7 @@ class CommandLine(SphinxDirective):
     ) -> nodes.section:
         section = nodes.section(ids=[f"command-{name}"], names=[name])
         section += nodes.title("", "", nodes.literal(text=name))
-        section += nodes.paragraph(text=command.description or said or "")
+        section += _prose(command.description or said or "")
         usage = command.format_usage().removeprefix("usage: ")
         section += nodes.literal_block(usage, usage, language="text")
         entries = nodes.definition_list(classes=["command-options"])
@@ -43,7 +40,7 @@ class CommandLine(SphinxDirective):
         if len(entries):
             section += entries
         if command.epilog:
-            section += nodes.paragraph(text=command.epilog)
+            section += _prose(command.epilog)
         return section
 
     def _entry(self, action: argparse.Action) -> nodes.definition_list_item:
@@ -55,9 +52,15 @@ class CommandLine(SphinxDirective):
         if value:
             term += [nodes.Text(" "), nodes.emphasis(text=value)]
         text = re.sub("%(?:%|\\((\\w+)\\)s)", lambda m: _filled(m, action), action.help or "")
-        return nodes.definition_list_item(
-            "", term, nodes.definition("", nodes.paragraph(text=text))
-        )
+        return nodes.definition_list_item("", term, nodes.definition("", _prose(text)))
+
+
+def _prose(text: str) -> nodes.paragraph:
+    """A paragraph in which options are code, so that their dashes stay two."""
+    found = nodes.paragraph()
+    for index, part in enumerate(re.split(r"(--[a-z][a-z-]*)", text)):
+        found += nodes.literal(text=part) if index % 2 else nodes.Text(part)
+    return found
 
 
 def _value(action: argparse.Action) -> str:
