@@ -34,7 +34,7 @@ figures: $(STAMP)
 	$(BIN)/python docs/growth.py
 
 dist: $(STAMP)
-	$(BIN)/python docs/try_wheel.py
+	$(BIN)/python tools/try_wheel.py
 
 install: $(STAMP)
 

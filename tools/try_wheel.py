@@ -1,6 +1,6 @@
 """Build wheel and sdist, check them, and try the wheel as a new user does.
 
-    python docs/try_wheel.py    # or: make dist
+    python tools/try_wheel.py    # or: make dist
 
 The wheel is installed into an environment of its own, in a folder outside of the checkout; there
 ``doctor`` has to be content, and ``still cornell`` has to render.
