@@ -24,7 +24,7 @@ import mitsuba as mi
 from matplotlib.figure import Figure
 
 HERE = Path(__file__).parent / "figures"
-WARM_UP, FRAMES = 5, 15
+WARM_UP, FRAMES = 4, 11
 USUAL = {
     "pixels": 144,
     "spp": 1,
