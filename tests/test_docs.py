@@ -236,7 +236,6 @@ def test_pictures_are_small():
 def test_what_a_notebook_draws_is_kept(path):
     """`make figures` was run after a cell got its name."""
     names = re.findall(r"^:name: (\S+)$", path.read_text("utf-8"), re.M)
-    assert names
     kept = {file.stem for file in (DOCS / "figures").glob("*.png")}
     assert {f"{path.stem}-{name}" for name in names} <= kept
 
