@@ -2,7 +2,7 @@
 
 Resampling spreads one path over many pixels, and each of its copies carries the same error. The
 statistic counts paths by identity, so that a mutated copy is no duplicate (a map by random seeds,
-as in Lin, Kettunen and Wyman 2026, would still count it).
+as in :cite:t:`Lin2026`, would still count it).
 """
 
 from __future__ import annotations

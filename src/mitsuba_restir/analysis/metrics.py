@@ -213,7 +213,7 @@ def mean_ratio(image: ArrayLike, reference: ArrayLike) -> float:
 
 def hdr_flip(image: ArrayLike, reference: ArrayLike, *, pixels_per_degree: float = 67.0) -> float:
     """
-    Mean HDR-FLIP (Andersson et al. 2021) by NVIDIA's `flip-evaluator`.
+    Mean HDR-FLIP :cite:p:`Andersson2021` by NVIDIA's `flip-evaluator`.
 
     The exposures come from the reference alone, so that variants compared with one reference are
     seen at the same exposures. Negative values are set to zero, as FLIP requires.

@@ -42,7 +42,7 @@ class Mutated:
 
 
 def metropolis_hastings(current: State, proposal: Proposal) -> mi.Float:
-    """The Metropolis-Hastings rule C(y) T(y->x) / (C(x) T(x->y))."""
+    """The rule of :cite:t:`Hastings1970`, C(y) T(y->x) / (C(x) T(x->y))."""
     before = target(current.color)
     after = target(proposal.state.color)
     return dr.select(before > 0, after / before * proposal.transition, 0)
