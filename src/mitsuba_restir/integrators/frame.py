@@ -236,7 +236,7 @@ def learn_paths(plan: Plan, setting: Setting, learnt: Learnt, findings: Findings
 
 
 def share_paths(
-    plan: Plan, setting: Setting, sampled: Sampled, layout: Any, turn: mi.UInt32
+    plan: Plan, setting: Setting, sampled: Sampled, layouts: list[Any], turn: mi.UInt32
 ) -> Frame:
     """Second half of a frame: mutations, spatial reuse and shading.
 
@@ -244,8 +244,8 @@ def share_paths(
     ----------
     sampled : Sampled
         What the first half left.
-    layout : Any
-        What the strategy of ``neighbor_sampling`` finds neighbours with.
+    layouts : list
+        What the strategy of ``neighbor_sampling`` finds neighbours with, in each round.
     turn : UInt32
         Running number of the frame; decides which pixels are mutated where not all are.
     """
@@ -266,7 +266,7 @@ def share_paths(
     sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
     first = color if parameters.shows("first_round") else mi.Color3f(0)
     kept = reservoirs
-    for index in range(parameters.spatial_rounds if parameters.spatial else 0):
+    for index, layout in enumerate(layouts):
         merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
         reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
         outcomes.append(merged.outcomes)

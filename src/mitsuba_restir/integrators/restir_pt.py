@@ -10,7 +10,7 @@ from typing import Any, NoReturn, SupportsIndex
 import drjit as dr
 import mitsuba as mi
 
-from ..neighbors.strategies import STRATEGIES
+from ..neighbors.strategies import layouts
 from ..passes.primary import primary
 from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
@@ -157,7 +157,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
                 self._history = None
                 sampled = self._stages.learn(setting, sampled, self._turn)
                 turn = dr.opaque(mi.UInt32, self._turn)
-                frame = self._stages.share(setting, sampled, self._layout, turn)
+                frame = self._stages.share(setting, sampled, self._layouts, turn)
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
@@ -260,9 +260,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self.reset()
         self._scene, self._shape = scene, shape
         self._watch = SceneWatch(scene)
-        strategy = STRATEGIES[parameters.neighbor_sampling]
-        self._layout = strategy.layout(parameters.spatial_radius)
-        dr.make_opaque(self._layout)
+        self._layouts = layouts(parameters.neighbor_sampling, parameters.radii)
         self._dither = dither_of(parameters)
         self._record_stages(scene)
 

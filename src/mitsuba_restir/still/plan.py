@@ -18,6 +18,7 @@ PLANNED = (
     "spatial",
     "spatial_neighbors",
     "spatial_rounds",
+    "spatial_shrink",
     "spatial_radius",
     "neighbor_sampling",
     "shift",
