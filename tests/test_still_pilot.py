@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from mitsuba_restir.still.pilot import (
     ALONE,
+    BEFORE_A_DENOISER,
     LONGEST,
     OTHERS,
     SHARE,
@@ -54,7 +57,8 @@ class Studio:
             light = found * self.rng.exponential(1 / self.tail, SHAPE) - 1
             light *= np.sqrt(1 / trees)
             frame = np.repeat((2 + scale * light)[None], estimates, axis=0)
-            frame[0] = 2 + alone * light
+            if plan.mixes:
+                frame[0] = 2 + alone * light
             return frame
 
         return render
@@ -62,8 +66,8 @@ class Studio:
     def clock(self) -> float:
         return self.now
 
-    def pilot(self, seconds: float | None) -> Choice:
-        return pilot(self.begin, seconds, self.clock)
+    def pilot(self, seconds: float | None, others: Sequence[str] = OTHERS) -> Choice:
+        return pilot(self.begin, seconds, others, self.clock)
 
 
 @pytest.mark.parametrize("best", [ALONE, *OTHERS])
@@ -85,6 +89,12 @@ def test_a_pilot_is_short(seconds):
     assert choice.seconds == pytest.approx(studio.now)
     frame = 8 * studio.seconds
     assert choice.seconds <= max(limit, 0.1 + 4 * studio.seconds) + 3 * frame
+
+
+@pytest.mark.parametrize("best", [ALONE, *BEFORE_A_DENOISER])
+def test_before_a_denoiser_the_guide_has_to_pay(best):
+    choice = Studio({best: 0.5}, 0.01).pilot(10.0, BEFORE_A_DENOISER)
+    assert choice.plan.name == best
 
 
 def test_without_time_nothing_is_compared():
@@ -122,4 +132,4 @@ def test_without_light_there_is_a_plan():
 
 
 def test_plans_that_are_tried_exist():
-    assert {ALONE, *OTHERS} <= PLANS.keys()
+    assert {ALONE, *OTHERS, *BEFORE_A_DENOISER} <= PLANS.keys()

@@ -16,8 +16,8 @@ from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
 from .picture import Progress, Still, stopwatch
-from .pilot import Render, pilot
-from .plan import BEFORE_A_DENOISER, PLANS, Plan, parse
+from .pilot import BEFORE_A_DENOISER, OTHERS, Render, pilot
+from .plan import PLANS, Plan, parse
 
 DARK_PLAN = PLANS["candidates"]
 """Of scenes without light."""
@@ -57,8 +57,8 @@ def render(
     frames : int, optional
         Stop after so many frames, at least 2.
     denoise : bool
-        Denoise the picture as well, with the plan that is best for that:
-        :data:`.plan.BEFORE_A_DENOISER`.
+        Denoise the picture as well; its plan is then one without reuse, see
+        :data:`.pilot.BEFORE_A_DENOISER`.
     plan : str or Plan, optional
         What the frames are rendered with; a name of :data:`.plan.PLANS`, or values as ``spp=8,
         spatial_rounds=5``. By default a short pilot measures what is best for the scene; its frames
@@ -112,8 +112,6 @@ def begun(subject: Subject, plan: Plan | None, goal: Goal, elapsed: Callable[[],
         return Growth(Frames(subject, plan), "asked for", elapsed)
     if not subject.lit:
         return Growth(Frames(subject, DARK_PLAN), "there is nothing to plan for", elapsed)
-    if subject.guides:
-        return Growth(Frames(subject, BEFORE_A_DENOISER), "best before a denoiser", elapsed)
     return _piloted(subject, goal, elapsed)
 
 
@@ -126,7 +124,7 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
         tried[plan.name] = Frames(apart, plan)
         return tried[plan.name].luminances
 
-    choice = pilot(begin, goal.seconds)
+    choice = pilot(begin, goal.seconds, BEFORE_A_DENOISER if subject.guides else OTHERS)
     frames = tried.get(choice.plan.name) or Frames(apart, choice.plan)
     frames.restart(subject.seed)
     return Growth(frames, choice.why, elapsed)

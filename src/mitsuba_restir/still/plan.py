@@ -87,7 +87,7 @@ class Plan:
 
 
 def shared(name: str, spp: int, neighbors: int, rounds: int, radius: float) -> Plan:
-    """A plan with spatial reuse; the radius in pixels."""
+    """A plan with spatial reuse; the radius of the first round in pixels."""
     return Plan(
         name,
         spp,
@@ -116,14 +116,6 @@ _UNGUIDED = (
 
 PLANS = {plan.name: plan for plan in (*_UNGUIDED, *map(guided, _UNGUIDED))}
 """The named plans, from no reuse to much."""
-
-BEFORE_A_DENOISER = PLANS["candidates_guided"]
-"""The plan of pictures that will be denoised: what reuse would remove a denoiser removes, and what
-reuse leaves is correlated. relMSE after OIDN without the worst 0.1 %, 256x144, 6 s, two pictures
-each, of this plan, without the guide, and of `light`, `light_guided` and `rounds`: Veach Ajar
-0.0114, 0.0141, 0.0130, 0.0114, 0.0137; ``ajar`` 0.0059, 0.0063, 0.0056, 0.0057, 0.0072; ``gloss``
-0.0039, 0.0037, 0.0044, 0.0045, 0.0062. A pilot's frames through a Gaussian of 3 pixels did not
-foretell that order."""
 
 
 def parse(text: str) -> Plan:
