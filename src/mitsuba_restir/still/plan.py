@@ -74,10 +74,12 @@ class Plan:
         if not self.mixes:
             reuse = "no reuse"
         else:
-            rounds, neighbors, radius = (
-                self._value(f"spatial_{what}") for what in ("rounds", "neighbors", "radius")
+            rounds, neighbors, radius, shrink = (
+                self._value(f"spatial_{what}")
+                for what in ("rounds", "neighbors", "radius", "shrink")
             )
             reuse = f"rounds {rounds}, neighbours {neighbors}, radius {radius:g}"
+            reuse += f" x {shrink:g} a round" if shrink != 1 else ""
         drawn = [", guided"] if self._value("guiding") else []
         drawn += [", roulette by contribution"] if self._value("roulette") == "contribution" else []
         return f"{self.name}: {trees}, {reuse}{''.join(drawn)}"
@@ -86,7 +88,9 @@ class Plan:
         return self.parameters.get(name, PARAMETERS[name].default)
 
 
-def shared(name: str, spp: int, neighbors: int, rounds: int, radius: float) -> Plan:
+def shared(
+    name: str, spp: int, neighbors: int, rounds: int, radius: float, shrink: float = 1.0
+) -> Plan:
     """A plan with spatial reuse; the radius of the first round in pixels."""
     return Plan(
         name,
@@ -95,6 +99,7 @@ def shared(name: str, spp: int, neighbors: int, rounds: int, radius: float) -> P
             "spatial_neighbors": neighbors,
             "spatial_rounds": rounds,
             "spatial_radius": float(radius),
+            "spatial_shrink": shrink,
         },
     )
 
@@ -108,14 +113,21 @@ def guided(plan: Plan) -> Plan:
 _UNGUIDED = (
     Plan("candidates", 4, {"spatial": False}),
     shared("light", 9, 3, 1, 20),
-    shared("wide", 8, 3, 2, 20),
-    shared("shared", 8, 6, 3, 10),
-    shared("rounds", 8, 6, 5, 10),
-    shared("neighbors", 8, 12, 4, 10),
+    shared("wide", 8, 3, 2, 20, 0.5),
+    shared("shared", 8, 6, 4, 14, 0.5),
+    shared("rounds", 8, 3, 9, 16, 0.75),
+    shared("trees", 16, 3, 9, 16, 0.75),
 )
 
 PLANS = {plan.name: plan for plan in (*_UNGUIDED, *map(guided, _UNGUIDED))}
-"""The named plans, from no reuse to much."""
+"""The named plans, from no reuse to much.
+
+Rounds that look less and less far: relative variance of 16 frames of 160x90 after the mixture,
+without the worst 0.1 %, against 6 neighbours in 5 rounds within 10 pixels (30 shifts instead of
+27): Veach Ajar 0.55 (guided 0.37), its ceiling 0.53, ``court`` 0.92, ``cornell`` 0.83, ``gloss``
+1.05; radii that grow: 1.02 and 1.09 in Veach Ajar. Of the same shape only, or of stricter normals
+and depths: 0.98 to 1.06 everywhere. So far as the machine allowed to tell, at 0.8 to 0.9 of the
+time."""
 
 
 def parse(text: str) -> Plan:
