@@ -16,7 +16,7 @@ from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
 from .picture import Progress, Still, stopwatch
-from .pilot import BEFORE_A_DENOISER, OTHERS, Render, pilot
+from .pilot import DENOISED, RAW, Render, pilot
 from .plan import PLANS, Plan, parse
 
 DARK_PLAN = PLANS["candidates"]
@@ -58,7 +58,7 @@ def render(
         Stop after so many frames, at least 2.
     denoise : bool
         Denoise the picture as well; its plan is then one without reuse, see
-        :data:`.pilot.BEFORE_A_DENOISER`.
+        :data:`.pilot.DENOISED`.
     plan : str or Plan, optional
         What the frames are rendered with; a name of :data:`.plan.PLANS`, or values as ``spp=8,
         spatial_rounds=5``. By default a short pilot measures what is best for the scene; its frames
@@ -124,7 +124,7 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
         tried[plan.name] = Frames(apart, plan)
         return tried[plan.name].luminances
 
-    choice = pilot(begin, goal.seconds, BEFORE_A_DENOISER if subject.guides else OTHERS)
+    choice = pilot(begin, goal.seconds, DENOISED if subject.guides else RAW)
     frames = tried.get(choice.plan.name) or Frames(apart, choice.plan)
     frames.restart(subject.seed)
     return Growth(frames, choice.why, elapsed)

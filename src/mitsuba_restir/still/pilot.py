@@ -55,17 +55,44 @@ ALONE = "candidates"
 candidates in the frames of another plan, where there is one, in which as much of the tail is
 met."""
 
-OTHERS = ("rounds_guided", "rounds", "shared", "light_guided", "light")
-"""Other plans in the order in which they are tried; the first is for those who have no time: where
-frames are slow light is hard to find, and guiding pays."""
+DARK = 0.5
+"""Share of the pixels with light, in a frame without reuse, below which a scene is dark."""
 
-BEFORE_A_DENOISER = ("candidates_guided",)
-"""Those of pictures that will be denoised: what reuse would remove a denoiser removes, and what
-reuse leaves is correlated. relMSE after OIDN without the worst 0.1 %, 256x144, 6 s, two pictures
-each, of this plan, without the guide, and of ``light``, ``light_guided`` and ``rounds``: Veach Ajar
-0.0114, 0.0141, 0.0130, 0.0114, 0.0137; ``ajar`` 0.0059, 0.0063, 0.0056, 0.0057, 0.0072; ``gloss``
-0.0039, 0.0037, 0.0044, 0.0045, 0.0062. Between plans with reuse and without it, a pilot's frames
-did not foretell that order, even through a Gaussian of 3 pixels."""
+
+@dataclass(frozen=True)
+class Trial:
+    """
+    The plans that are tried beside the one without reuse.
+
+    Attributes
+    ----------
+    dark, lit : tuple of str
+        In the order in which they are, in a scene where light is hard to find and in another. The
+        first one of a dark scene is for those who have no time.
+    hurried : str
+        For those who have no time in a scene that is lit.
+    """
+
+    dark: tuple[str, ...]
+    lit: tuple[str, ...]
+    hurried: str
+
+
+RAW = Trial(
+    ("rounds_guided", "rounds", "light_guided", "shared", "light"),
+    ("rounds", "shared", "light", "rounds_guided", "light_guided"),
+    "rounds",
+)
+"""Of pictures that are seen as they are."""
+
+DENOISED = Trial(("candidates_guided",), ("candidates_guided",), ALONE)
+"""Of pictures that will be denoised: what reuse would remove a denoiser removes, and what reuse
+leaves is correlated. relMSE after OIDN without the worst 0.1 %, 256x144, 6 s, two pictures each, of
+guided candidates, unguided ones, and of ``light``, ``light_guided`` and five rounds of 6 neighbours
+within 10 pixels: Veach Ajar 0.0114, 0.0141, 0.0130, 0.0114, 0.0137; ``ajar`` 0.0059, 0.0063,
+0.0056, 0.0057, 0.0072; ``gloss`` 0.0039, 0.0037, 0.0044, 0.0045, 0.0062. Between plans with reuse
+and without it, a pilot's frames did not foretell that order, even through a Gaussian of 3 pixels.
+"""
 
 
 @dataclass(frozen=True)
@@ -109,7 +136,7 @@ class Choice:
 def pilot(
     begin: Callable[[Plan], Render],
     seconds: float | None,
-    others: Sequence[str] = OTHERS,
+    trial: Trial = RAW,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Choice:
     """
@@ -122,17 +149,17 @@ def pilot(
         another seed makes them independent of it.
     seconds : float or None
         Time for the picture; None where it is not known.
-    others : sequence of str
-        Plans to try beside the one without reuse.
+    trial : Trial
     clock : callable
         Seconds.
     """
     start = clock()
     end = start + (LONGEST if seconds is None else min(LONGEST, SHARE * seconds))
     alone = _measure(PLANS[ALONE], begin, clock, end)
+    dark = bool(np.mean(alone.frames > 0) < DARK)
     measured: list[Measured] = []
     expected = 0.0
-    for name in others:
+    for name in trial.dark if dark else trial.lit:
         plan, began = PLANS[name], clock()
         learning = LEARNT * _trees(plan) * alone.seconds / TIMED if plan.learns else 0
         guess = (1 + LEAST) * alone.seconds * (DEAR if plan.mixes else 1)
@@ -141,9 +168,8 @@ def pilot(
         measured.append(_measure(plan, begin, clock, end))
         expected = clock() - began - learning
     if not measured:
-        return Choice(
-            PLANS[others[0]], "there was no time to compare it with others", clock() - start
-        )
+        hurried = PLANS[trial.dark[0] if dark else trial.hurried]
+        return Choice(hurried, "there was no time to compare it with others", clock() - start)
     for other in measured:
         if other.plan.mixes and not other.plan.learns:
             seconds_alone = alone.seconds * TREES / TIMED
