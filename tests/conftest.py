@@ -2,17 +2,23 @@
 
 import mitsuba_restir  # noqa: F401  isort: skip
 
+import os
 import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import drjit as dr
 import mitsuba as mi
 import pytest
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell in the background ignores Ctrl-C for its children; the tests of it do not.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+if workers := int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 0)):
+    # Workers share the cores. Tracing and compiling are serial, so that one worker leaves most idle.
+    dr.set_thread_count(max(1, (os.cpu_count() or 1) // workers))
 
 
 def _variant(name: str) -> str:

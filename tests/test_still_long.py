@@ -1,6 +1,6 @@
-"""A minute of a still at 1280x720: its memory is flat, and killed it goes on bit by bit.
+"""A minute of a still at 1280x720, and many short ones with a pilot each.
 
-``make test-long ARGS='tests/test_still_long.py -s'`` prints the memory.
+``make test-long ARGS='tests/test_still_long.py -s'`` prints memory and plans.
 """
 
 from __future__ import annotations
@@ -9,14 +9,19 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 import pytest
+from support import references, rooms
+from support.runs import assert_unbiased, bias_report
 
-from mitsuba_restir import cli
+from mitsuba_restir import cli, still
 from mitsuba_restir.arrays import load_arrays
+from mitsuba_restir.still import pilot
 
 pytestmark = pytest.mark.long
 
@@ -75,3 +80,20 @@ def test_killed_at_real_size(tmp_path, monkeypatch):
 
 def frames_in(path: Path) -> int:
     return int(load_arrays(path)[1]["frames"]) if path.exists() else 0
+
+
+def test_stills_with_a_pilot_each_are_unbiased(rgb, monkeypatch):
+    """64 of them against `path`: whatever a pilot chooses, its frames are not in the picture."""
+    monkeypatch.setattr(pilot, "LONGEST", 1.0)
+    scene = mi.load_dict(rooms.room())
+    plans: Counter[str] = Counter()
+
+    def runs() -> Iterator[np.ndarray]:
+        for seed in range(64):
+            picture = still.render(scene, max_depth=5, seed=seed, frames=5)
+            plans[picture.plan.name] += 1
+            yield picture.image.astype(np.float64)
+
+    report = bias_report(runs(), 64, *references.load("room"))
+    print(f"\n{dict(plans)}\n{report}")
+    assert_unbiased(report, "still-pilot", 0.05)

@@ -10,7 +10,6 @@ import mitsuba as mi
 import numpy as np
 
 from ..analysis import denoise as denoiser
-from ..errors import UsageError
 from ..integrators.parameters import images_of
 from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
@@ -92,7 +91,8 @@ def render(
     subject = Subject(
         scene, sensor, seed, {"max_depth": max_depth, **parameters}, aovs, guides=denoise
     )
-    growth = begun(subject, _plan(plan), goal, elapsed)
+    asked = parse(plan) if isinstance(plan, str) else plan
+    growth = begun(subject, asked, goal, elapsed)
     for now in growth.grow(goal):
         if progress is not None:
             progress(now)
@@ -132,12 +132,3 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
 
 def _other_seed(seed: int) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(1,)).generate_state(1)[0])
-
-
-def _plan(given: str | Plan | None) -> Plan | None:
-    if not isinstance(given, str):
-        return given
-    try:
-        return parse(given)
-    except UsageError as error:
-        raise ValueError(str(error).removeprefix("argument --")) from error

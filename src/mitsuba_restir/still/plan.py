@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..errors import UsageError
 from ..integrators.declaration import LARGEST, Parameter, Value
 from ..integrators.parameters import PARAMETERS
 
@@ -142,7 +141,7 @@ def parse(text: str) -> Plan:
 
     Raises
     ------
-    UsageError
+    ValueError
         It is neither; says what is allowed.
     """
     text = text.strip()
@@ -154,16 +153,16 @@ def parse(text: str) -> Plan:
     for entry in text.split(","):
         name, equals, word = (part.strip() for part in entry.partition("="))
         if not equals:
-            raise UsageError(f"argument --plan: there is no plan '{entry.strip()}'; {allowed}")
+            raise ValueError(f"there is no plan '{entry.strip()}'; {allowed}")
         if name not in declared:
-            raise UsageError(f"argument --plan: a plan has no '{name}'; {allowed}")
+            raise ValueError(f"a plan has no '{name}'; {allowed}")
         if name in values:
-            raise UsageError(f"argument --plan: {name} is given twice")
+            raise ValueError(f"{name} is given twice")
         parameter = declared[name]
         value = parameter.parse(word)
         try:
             values[name] = parameter.check(word if value is None else value)
         except ValueError as error:
-            raise UsageError(f"argument --plan: {error}".replace("restir_pt: ", "")) from error
+            raise ValueError(str(error).replace("restir_pt: ", "")) from error
     spp = values.pop("spp", SPP.default)
     return Plan(text, int(spp), values)
