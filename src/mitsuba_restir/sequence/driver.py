@@ -7,17 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import mitsuba as mi
-import numpy as np
 
 from ..analysis import denoise as denoiser
-from ..errors import rendering
-from ..imageio import RGB, Image, with_rgb
+from ..imageio import RGB, Image
 from ..integrators.parameters import asking_for, images_of
-from .change import Watched
-
-WARMUP = 20
-"""Frames rendered before the first one that is wanted, where that is not the first of all: the
-length that a history has by default."""
+from .shot import WARMUP, Shot, seed_from
 
 
 @dataclass(frozen=True)
@@ -74,7 +68,7 @@ def render(
         Candidate paths per pixel and frame.
     seed : int
     start : int
-        The first frame that is wanted; up to :data:`WARMUP` frames before it are rendered for their
+        The first frame that is wanted; up to :data:`.shot.WARMUP` frames before it are rendered for their
         history.
     denoise : bool
         Denoise each frame as well; takes ``preset="denoised"`` where no preset is given.
@@ -101,10 +95,7 @@ def render(
     if not isinstance(sensor, mi.Sensor):
         sensor = scene.sensors()[sensor]
     first = max(0, start - WARMUP)
-    if first:
-        # A sequence that is taken up again must not repeat the numbers of its beginning.
-        seed = int(np.random.SeedSequence(seed, spawn_key=(first,)).generate_state(1)[0])
-    shot = _Shot(scene, sensor, integrator, update, spp, seed)
+    shot = Shot(scene, sensor, integrator, update, spp, seed_from(seed, first))
     images = (shot.image(index) for index in range(first, frames))
     for index, image in enumerate(images, first):
         if index < start:
@@ -122,41 +113,6 @@ def render(
             clean,
             integrator.statistics(),
         )
-
-
-class _Shot:
-    """Renders the frames of a scene that moves, with the history that they leave."""
-
-    def __init__(
-        self,
-        scene: mi.Scene,
-        sensor: mi.Sensor,
-        integrator: Any,
-        update: Callable[[int], None] | None,
-        spp: int,
-        seed: int,
-    ) -> None:
-        self._scene, self._sensor, self._integrator = scene, sensor, integrator
-        self._update, self._spp, self._seed = update, spp, seed
-        self._watched: Watched | None = None
-
-    def image(self, index: int) -> Image:
-        """The next frame, with the auxiliary channels."""
-        if self._update is not None:
-            self._update(index)
-        with rendering():
-            if self._watched is not None:
-                self._integrator.follow(self._watched.change())
-            elif self._integrator.parameters.retrace_history:
-                self._watched = Watched(self._scene)
-            image = mi.render(
-                self._scene,
-                integrator=self._integrator,
-                sensor=self._sensor,
-                spp=self._spp,
-                seed=self._seed,
-            )
-            return with_rgb(image, len(self._integrator.aov_names()))
 
 
 def _layers(image: Image, channels: list[str]) -> dict[str, Image]:
