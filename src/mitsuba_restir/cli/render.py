@@ -225,6 +225,8 @@ def _from(schedule: Schedule, start: int) -> Schedule:
     """The schedule from a frame on, with a warm-up before it."""
     if start == 0:
         return schedule
+    if schedule.frames is not None and start >= schedule.frames:
+        return replace(schedule, start=schedule.frames, warmup=0)
     begin = max(start - max(sequence.WARMUP, schedule.warmup), -schedule.warmup)
     return replace(schedule, start=start, warmup=start - begin)
 

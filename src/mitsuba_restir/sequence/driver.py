@@ -68,8 +68,8 @@ def render(
         Candidate paths per pixel and frame.
     seed : int
     start : int
-        The first frame that is wanted; up to :data:`.shot.WARMUP` frames before it are rendered for their
-        history.
+        The first frame that is wanted; up to :data:`.shot.WARMUP` frames before it are rendered
+        for their history.
     denoise : bool
         Denoise each frame as well; takes ``preset="denoised"`` where no preset is given.
     **parameters
