@@ -80,7 +80,7 @@ def moved_normals(normals: mi.Normal3f, cofactors: mi.Matrix4f) -> mi.Normal3f:
 
 
 def cofactors(matrix: Matrix) -> Matrix:
-    """What turns normals where ``matrix`` moves points: its linear part, inverted and transposed."""
+    """What turns normals where ``matrix`` moves points: its linear part inverted and transposed."""
     result = np.eye(4)
     result[:3, :3] = np.linalg.inv(matrix[:3, :3]).T
     return result

@@ -125,9 +125,7 @@ def _webp(name: str, frames: Iterable[Pixels], fps: float) -> None:
         format="WEBP",
         save_all=True,
         append_images=others,
-        duration=[
-            round((i + 1) * 1000 / fps) - round(i * 1000 / fps) for i in range(1 + len(others))
-        ],
+        duration=np.diff(np.rint(np.arange(2 + len(others)) * 1000 / fps)).astype(int).tolist(),
         loop=0,
         quality=90,
         allow_mixed=False,
