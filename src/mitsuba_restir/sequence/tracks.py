@@ -168,7 +168,8 @@ def _motion(
     angles = (rotations[:-1].inv() * rotations[1:]).magnitude() if len(keys) > 1 else np.zeros(0)
     given = np.diff([_angle(key.get("rotate")) for key in keys])
     for i, (angle, step) in enumerate(zip(angles, given, strict=True)):
-        same = _axis(keys[i].get("rotate")) == _axis(keys[i + 1].get("rotate"))
+        axes = [_axis(key.get("rotate")) for key in keys[i : i + 2]]
+        same = axes[0] == axes[1] or None in axes
         if angle >= _HALF_TURN or (same and abs(step) >= 180):
             raise UsageError(
                 f"{places[i + 1]} turns by 180 degrees or more at once; add a keyframe between it "
