@@ -12,6 +12,8 @@ from pathlib import Path as _Path
 
 from .errors import root as _root
 
+__all__ = ["__version__"]
+
 __version__ = "0.1.0"
 
 _imported_first = "drjit" not in _sys.modules

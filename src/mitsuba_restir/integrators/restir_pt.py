@@ -45,7 +45,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     {parameters}
 
-    Renders with generalised resampled importance sampling (Lin et al. 2022): the candidate paths of
+    Renders with generalised resampled importance sampling :cite:p:`Lin2022`: the candidate paths of
     a pixel are resampled together with those of its neighbours and of earlier frames. One call of
     :py:func:`mitsuba.render` renders one frame, and ``spp`` is the number of candidate paths per
     pixel and frame. The history stays in the integrator until :py:meth:`reset`, or until the scene,
