@@ -21,6 +21,7 @@ from scipy import ndimage
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.store.reference as reference_module
 from mitsuba_restir import cache
+from mitsuba_restir.analysis.colours import diverging, sequential
 from mitsuba_restir.analysis.covariance_images import lag_products
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.intervals import Interval
@@ -31,7 +32,6 @@ from mitsuba_restir.studies.measure.frame_errors import chain_spectra
 from mitsuba_restir.studies.measure.results import Measured, Row
 from mitsuba_restir.studies.notebook import Results
 from mitsuba_restir.studies.report import curves, figures
-from mitsuba_restir.studies.report.colours import diverging, sequential
 from mitsuba_restir.studies.report.headline import headline, percent, short
 from mitsuba_restir.studies.report.page import _smallest_png
 from mitsuba_restir.studies.report.pictures import galleries, shown_of
