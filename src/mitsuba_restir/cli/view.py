@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +18,15 @@ from ..viewer.session import Session
 from ..viewer.worker import Loaded, Worker
 from . import loading
 from .arguments import as_dict, integer, positive
+from .notes import say
 from .parameters import parse_parameters
 from .render import MAX_SPP, add_scene_arguments
+from .signals import INTERRUPTED, TERMINATED, Terminated
 
 SCENE = "ajar"
 FPS = 15.0
 
-PATIENCE = 1.5
+PATIENCE = 0.7
 """Seconds that the last frame has to end."""
 
 
@@ -83,6 +87,11 @@ def run(options: argparse.Namespace) -> int:
         sensor = loading.choose_sensor(scene, options.sensor)
         return Loaded(scene, sensor, _reference(options.reference, sensor))
 
+    def ready(address: str) -> None:
+        print(f"viewer at {address} (Ctrl-C ends it)", flush=True)
+        if options.open:
+            webbrowser.open(address)
+
     side = Side(parameters, options.spp)
     session = Session(Settings((side, side), fps=options.fps))
     worker = Worker(session, load, options.seed)
@@ -91,25 +100,38 @@ def run(options: argparse.Namespace) -> int:
         # Meanwhile: it takes as long as to load the scene.
         from ..viewer import server
 
-        subject = Subject(
-            options.scene,
-            Path(options.scene).stem if options.scene.endswith(".xml") else options.scene,
-            definitions,
-            options.variant,
-            options.sensor,
-            options.seed,
-        )
-        site = server.Server(server.Site(session, subject), options.host, options.port)
+        site = server.Site(session, _subject(options, definitions))
+        serving = server.Server(site, options.host, options.port, ready)
         worker.loaded.result()
-        address = server.address_of(site.policy)
-        print(f"viewer at {address} (Ctrl-C ends it)", flush=True)
-        if options.open:
-            webbrowser.open(address)
-        site.run()
+        serving.run()
+    except KeyboardInterrupt as interrupt:
+        _end(session, worker)
+        if worker.is_alive():
+            # It compiles a kernel, for which Python would wait.
+            terminated = isinstance(interrupt, Terminated)
+            say("terminated" if terminated else "interrupted")
+            os._exit(TERMINATED if terminated else INTERRUPTED)
+        raise
     finally:
-        session.stop()
-        worker.join(PATIENCE)
+        _end(session, worker)
     return 0
+
+
+def _end(session: Session, worker: Worker) -> None:
+    session.stop()
+    worker.join(PATIENCE)
+
+
+def _subject(options: argparse.Namespace, definitions: Mapping[str, str]) -> Subject:
+    title = Path(options.scene).parent.name if options.scene.endswith(".xml") else options.scene
+    return Subject(
+        options.scene,
+        title or options.scene,
+        definitions,
+        options.variant,
+        options.sensor,
+        options.seed,
+    )
 
 
 def _fps(text: str) -> float:

@@ -55,7 +55,7 @@ def build(session: Session, subject: Subject) -> None:
 
 def _toolbar(session: Session, subject: Subject) -> None:
     def button(icon: str, tip: str, **handler: Any) -> ui.button:
-        made = ui.button(icon=icon).props(f'flat dense aria-label="{tip}"')
+        made = ui.button(icon=icon, color=None).props(f'flat dense aria-label="{tip}"')
         made.on("click", **handler)
         with made:
             ui.tooltip(tip)
@@ -66,16 +66,18 @@ def _toolbar(session: Session, subject: Subject) -> None:
 
     with ui.element("div").classes("toolbar"):
         frozen = button("pause", "Freeze or go on (space)", handler=lambda _: freeze())
-        frozen.props('id="freeze"')
+        frozen.props('data-control="freeze"')
         button("skip_next", "Freeze, and one frame more (.)", handler=lambda _: _step(session))
         button(
             "restart_alt", "Forget the history (backspace)", handler=lambda _: session.ask("reset")
         )
         ui.element("div").classes("gap")
-        button("threed_rotation", "Orbit (o)", js_handler="() => viewer.mode('orbit')").props(
-            'id="orbit"'
+        button("3d_rotation", "Orbit (o)", js_handler="() => viewer.mode('orbit')").props(
+            'data-control="orbit"'
         )
-        button("flight", "Fly (f)", js_handler="() => viewer.mode('fly')").props('id="fly"')
+        button("flight", "Fly (f)", js_handler="() => viewer.mode('fly')").props(
+            'data-control="fly"'
+        )
         button("home", "Camera as in the scene (h)", js_handler="() => viewer.home()")
         ui.element("div").classes("gap")
         button("photo_camera", "Save the picture (p)", js_handler="() => viewer.screenshot()")
@@ -201,7 +203,7 @@ class Panel:
             with ui.element("div").classes("line"):
                 ui.label("Reference").classes("name")
                 ui.button("Keep this still", on_click=lambda: self._session.ask("keep")).props(
-                    'flat dense no-caps id="keep"'
+                    'flat dense no-caps data-control="keep"'
                 ).tooltip("Errors and spectra are of this view against it.")
 
     def _sides(self) -> None:
@@ -240,9 +242,9 @@ class Panel:
         with (
             ui.expansion("Time by pass", value=True).classes("group plots").props("dense") as times
         ):
-            passes = ui.echart(plots.passes(())).classes("plot").props('id="passes"')
+            passes = ui.echart(plots.passes(())).classes("plot").props('data-control="passes"')
         with ui.expansion("Power spectrum of the error").classes("group plots").props("dense") as s:
-            spectrum = ui.echart(plots.spectra(())).classes("plot").props('id="spectrum"')
+            spectrum = ui.echart(plots.spectra(())).classes("plot").props('data-control="spectrum"')
             ui.label("Needs a reference of this view: let it rest, then keep it.").classes("note")
 
         def draw() -> None:
@@ -282,7 +284,7 @@ class Panel:
         else:
             with self._line(control.title, control.help):
                 made = ui.switch(on_change=lambda e: self._set(lambda s: write(s, bool(e.value))))
-                made.props(f'dense id="{name}"')
+                made.props(f'dense data-control="{name}"')
             self._refreshers.append(lambda _, side: made.set_value(read(side)))
 
     def _parameter_slider(
@@ -295,7 +297,7 @@ class Panel:
         with self._line(control.title, control.help):
             shown = ui.label().classes("value")
         made = ui.slider(min=low, max=high, step=step)
-        made.props(f'dense id="{control.parameter.name}"')
+        made.props(f'dense data-control="{control.parameter.name}"')
         made.on_value_change(lambda e: shown.set_text(f"{control.value(e.value):g}"))
         # Once it is let go: each value makes another integrator.
         made.on("change", lambda e: self._set(lambda s: write(s, control.value(float(e.args)))))
@@ -334,7 +336,7 @@ class Panel:
                 value=read(self._side),
                 on_change=lambda e: self._set(lambda side: write(side, e.value)),
             )
-            made.props(f'dense outlined options-dense id="{title.lower()}"')
+            made.props(f'dense outlined options-dense data-control="{title.lower()}"')
         self._refreshers.append(lambda _, side: made.set_value(read(side)))
 
     def _slider(
@@ -349,7 +351,7 @@ class Panel:
         with self._line(title, unit):
             shown = ui.label().classes("value")
         made = ui.slider(min=low, max=high, step=step, value=read(self._session.settings))
-        made.props(f'dense id="{title.split()[0].lower()}"')
+        made.props(f'dense data-control="{title.split()[0].lower()}"')
 
         def take(value: float) -> None:
             shown.set_text(f"{value:g}")
@@ -372,7 +374,7 @@ class Panel:
                 value=read(self._session.settings),
                 on_change=lambda e: with_setting(self._session, **changes(bool(e.value))),
             )
-            made.props(f'dense id="{title.split()[0].lower()}"')
+            made.props(f'dense data-control="{title.split()[0].lower()}"')
         self._refreshers.append(lambda s, _: made.set_value(read(s)))
 
     def _line(self, title: str, help: str) -> ui.element:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from contextlib import closing
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, closing
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -60,6 +61,7 @@ def listen(host: str, port: int | None) -> socket.socket:
         server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             server.bind((host.strip("[]"), candidate))
+            server.listen()
             return server
         except OSError as failed:
             server.close()
@@ -88,6 +90,8 @@ class Server:
     site : Site
     host : str
     port : int or None
+    ready : callable
+        Called with the address to open, once it can be opened.
 
     Attributes
     ----------
@@ -100,11 +104,13 @@ class Server:
         The address cannot be had.
     """
 
-    def __init__(self, site: Site, host: str, port: int | None) -> None:
+    def __init__(
+        self, site: Site, host: str, port: int | None, ready: Callable[[str], None]
+    ) -> None:
         self._socket = listen(host, port)
         self.policy = policy_of(host, self._socket.getsockname()[1])
         config = uvicorn.Config(
-            Guard(_application(site), self.policy),
+            Guard(_application(site, lambda: ready(address_of(self.policy))), self.policy),
             log_level="warning",
             access_log=False,
             timeout_graceful_shutdown=PATIENCE,
@@ -123,8 +129,13 @@ class Server:
         asyncio.run(self._server.serve([self._socket]))
 
 
-def _application(site: Site) -> FastAPI:
-    application = FastAPI(openapi_url=None)
+def _application(site: Site, ready: Callable[[], None]) -> FastAPI:
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        ready()
+        yield
+
+    application = FastAPI(openapi_url=None, lifespan=lifespan)
     streams: set[WebSocket] = set()
 
     @application.websocket("/stream")

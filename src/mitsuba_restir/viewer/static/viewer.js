@@ -4,6 +4,8 @@
 const viewer = (() => {
   const RETRY = 1000, GRAB = 14, FAST = 3, LONGEST_STEP = 0.1;
   const at = (id) => document.getElementById(id);
+  const light = (name, on) =>
+    document.querySelector(`.toolbar [data-control="${name}"]`)?.classList.toggle("on", on);
   const held = new Set();
   let socket = null, facts = null, bitmaps = [], divider = 0.5, mode = "orbit";
   let drag = null, pending = null, pictures = [], ticking = false, last = 0;
@@ -109,6 +111,7 @@ const viewer = (() => {
     at("scale").textContent = [...new Set(facts.scales)].filter(Boolean).join(" | ");
     document.documentElement.dataset.number = facts.number;
     document.documentElement.dataset.state = facts.state;
+    light("freeze", facts.state === "frozen");
   }
 
   // ------------------------------ mouse -------------------------------------------------------
@@ -243,7 +246,7 @@ const viewer = (() => {
     leads: null,
     mode(name) {
       mode = name;
-      for (const id of ["orbit", "fly"]) at(id)?.classList.toggle("on", id === name);
+      for (const tool of ["orbit", "fly"]) light(tool, tool === name);
     },
     home: () => send({ type: "home" }),
     screenshot() {
