@@ -2,10 +2,13 @@
 
 import mitsuba_restir  # noqa: F401  isort: skip
 
+import os
+import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import mitsuba as mi
 import pytest
@@ -50,3 +53,21 @@ def tiny_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip("a full disk is tested where this user may mount one (root on Linux)")
     yield place
     subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="the browser test needs playwright: pip install playwright"
+    )
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = os.environ.get("MITSUBA_RESTIR_CHROMIUM") or next(
+        filter(None, map(shutil.which, names)), None
+    )
+    if found is None:
+        pytest.skip("no Chromium found: install it (Debian: sudo apt install chromium)")
+    with playwright.sync_playwright() as driver:
+        # Containers run as root, where Chromium has no sandbox.
+        chromium = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()

@@ -237,7 +237,7 @@ def test_kernels_belong_to_passes():
     values = effective({"mutations": 2, "guiding": True})
     n, table = 100, 64
     kernels = [(1, 0.5), (n, 1.0), (n, 10.0), (n, 5.0), (n, 0.25), (table * 4, 2.0), (1, 0.25)]
-    kernels += [(n, 4.0), (n, 3.0), (n, 2.0), (n, 0.5), (3 * n, 0.5)]
+    kernels += [(n, 4.0), (n, 3.0), (n, 2.0), (n, 0.5), (16 * n, 0.5)]
     assert timing.by_pass(kernels, n, values, table) == {
         "camera rays": 1.5,
         "candidates": 10.0,

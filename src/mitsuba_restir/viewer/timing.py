@@ -44,8 +44,9 @@ def by_pass(
         starts.append((sized[2], "temporal reuse"))
     rest = sized[2 + temporal]
     if values["guiding"] or values["roulette"] == "contribution":
-        tables = [i for i, (n, _) in enumerate(kernels) if n % table == 0 and n != pixels]
-        if tables and tables[-1] > rest:
+        inside = range(rest, sized[-1])
+        tables = [i for i in inside if kernels[i][0] % table == 0 and kernels[i][0] != pixels]
+        if tables:
             starts.append((rest, "learning"))
             rest = next(index for index in sized if index > tables[-1])
     if values["mutations"]:

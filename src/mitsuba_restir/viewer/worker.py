@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -86,6 +87,8 @@ class Worker(threading.Thread):
             published = director.picture(task)
         except Exception as error:
             # Whatever a frame fails of is said in the page; the next change may mend it.
+            if not isinstance(error, ValueError | RuntimeError):
+                traceback.print_exc()
             session.pause()
             session.say(problem=one_line(root(error)) or type(error).__name__)
             return
