@@ -101,9 +101,8 @@ def run(options: argparse.Namespace) -> int:
         from ..viewer import server
 
         site = server.Site(session, _subject(options, definitions))
-        serving = server.Server(site, options.host, options.port, ready)
         worker.loaded.result()
-        serving.run()
+        server.Server(site, options.host, options.port, ready).run()
     except KeyboardInterrupt as interrupt:
         _end(session, worker)
         if worker.is_alive():

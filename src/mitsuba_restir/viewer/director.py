@@ -68,7 +68,9 @@ class Director:
         self._resting: Resting | None = None
         self._last: Task | None = None
         self._rested = self._plotted = -1e9
+        self._drawn_as: Settings | None = None
         self._frames = 0
+        self._finished = False
 
     def picture(self, task: Task) -> Published | None:
         """
@@ -105,8 +107,6 @@ class Director:
         return self._last.settings.frozen or (
             self._resting is not None and self._accumulates(self._last) and self._finished
         )
-
-    _finished = False
 
     def _starts_anew(self, before: Task, task: Task) -> bool:
         """Whether histories are forgotten: on request, and to have two sides in step."""
@@ -168,13 +168,10 @@ class Director:
             resting.restart(task.pose)
         progress = resting.advance()
         self._finished = progress is None
-        now = self._clock()
-        if progress is not None:
-            soon = now - self._rested < BETWEEN_STILLS and progress.frames > SHOWN_FROM
-            if progress.frames < SHOWN_FROM or soon:
-                return None
+        if progress is not None and not self._is_due(progress.frames, task.settings):
+            return None
         still = resting.still(denoise=side.view == "denoised")
-        self._rested = self._clock()
+        self._rested, self._drawn_as = self._clock(), task.settings
         reference = self._reference_of(task.pose, self._renderer.full)
         image = still.image if still.denoised is None else still.denoised
         if side.view == "error":
@@ -191,6 +188,12 @@ class Director:
             "ms": round(1e3 * still.seconds / max(still.frames, 1), 1),
         }
         return self._published([drawn], facts, [image], reference)
+
+    def _is_due(self, frames: int, settings: Settings) -> bool:
+        """Whether a still of so many frames is worth a picture."""
+        if frames <= SHOWN_FROM:
+            return frames == SHOWN_FROM
+        return settings != self._drawn_as or self._clock() - self._rested >= BETWEEN_STILLS
 
     def _rehearse(self, task: Task) -> None:
         """Record the frames that the next touch of the camera will need, while there is time."""

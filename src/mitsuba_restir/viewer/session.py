@@ -36,7 +36,7 @@ class Task:
         How often histories were to be forgotten, single frames were asked for, and the picture was
         to be kept as the reference, so far.
     rest : float
-        Seconds since the camera moved or settings changed.
+        Seconds since the camera moved, or what is rendered changed.
     moving : bool
     """
 
@@ -166,9 +166,10 @@ class Session:
     def change(self, settings: Settings) -> None:
         """Replace the settings."""
         with self._wake:
-            if settings != self._state.settings:
+            before = self._state.settings
+            if settings != before:
                 self._state.settings = settings
-                self._touch()
+                self._touch(unrest=_rendered(settings) != _rendered(before))
 
     def move(self, client: str, motion: Callable[[Pose], Pose]) -> bool:
         """Move the camera, if the client may; whether it might."""
@@ -280,9 +281,10 @@ class Session:
         leader = self._state.leader
         return leader in (None, client) or now - self._state.led >= LEASE
 
-    def _touch(self) -> None:
+    def _touch(self, unrest: bool = True) -> None:
         self._state.revision += 1
-        self._state.changed = time.monotonic()
+        if unrest:
+            self._state.changed = time.monotonic()
         self._wake.notify()
 
     def _tell(self) -> None:
@@ -290,6 +292,11 @@ class Session:
             listeners = list(self._listeners.values())
         for listener in listeners:
             listener()
+
+
+def _rendered(settings: Settings) -> tuple[object, ...]:
+    """What frames depend on; the rest is only how they are shown."""
+    return settings.frozen, [side.rendered for side in settings.shown]
 
 
 def with_setting(session: Session, **changes: Any) -> None:
