@@ -56,7 +56,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "scene_files": (*COMMON, "scenes"),
     **dict.fromkeys(BESIDE, COMMON),
     **{room: (*COMMON, *CORE[:i]) for i, room in enumerate(CORE)},
-    "__init__": ("errors", "llvm", "integrators"),
+    # The viewer only once somebody asks for it.
+    "__init__": ("errors", "llvm", "integrators", "viewer"),
     **{
         room: ("__init__", *COMMON, *FACTS, *BESIDE, *CORE, *ABOVE[:i])
         for i, room in enumerate(ABOVE)

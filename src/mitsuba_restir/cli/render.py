@@ -31,9 +31,15 @@ MAX_FRAMES = 1_000_000
 MAX_SPP = 65_536
 
 
-def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what every command that loads a scene accepts."""
-    parser.add_argument("scene", metavar="SCENE", help="an XML file, or an embedded scene's name")
+def add_scene_arguments(parser: argparse.ArgumentParser, scene: str | None = None) -> None:
+    """Add what every command that loads a scene accepts; the scene may have a default."""
+    parser.add_argument(
+        "scene",
+        metavar="SCENE",
+        nargs="?" if scene else None,
+        default=scene,
+        help="an XML file, or an embedded scene's name" + (f" ({scene})" if scene else ""),
+    )
     parser.add_argument(
         "-D",
         dest="definitions",

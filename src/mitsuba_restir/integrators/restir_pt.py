@@ -96,7 +96,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         with frame_alone():
             self._history: History | None = None
             self._camera: Camera | None = None
-            self._frame: Frame | None = None
+            self.frame: Frame | None = None
             self._change: Change | None = None
             self._sample = 0
             self._turn = 0
@@ -139,7 +139,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         spp = checked_spp(spp, sensor)
         with frame_alone(), dr.suspend_grad():
             self.prepare(scene, sensor)
-            self._frame = None
+            self.frame = None
             key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
             setting = setting_of(scene, sensor, key, self._dither, skip_emitters)
@@ -157,7 +157,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
                 self._camera = copy_camera(sensor)
             self._sample = (self._sample + spp) % WORDS
             self._turn = (self._turn + 1) % WORDS
-            self._frame = frame
+            self.frame = frame
             image = developed(sensor.film(), self.aov_names(), frame)
             dr.eval(image)
             return image
@@ -204,9 +204,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             ``biased``: parameters that bias the image, if there are any.
         """
         with frame_alone():
-            if self._frame is None:
+            if self.frame is None:
                 raise ValueError("restir_pt: there are no statistics before the first frame")
-            statistics = frame_statistics(self._frame, self.parameters)
+            statistics = frame_statistics(self.frame, self.parameters)
             if self._dropped is not None:
                 statistics["dropped"] = float(dr.mean(mi.Float(self._dropped))[0])
             return statistics
