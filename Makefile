@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+WORKERS ?= auto
 STAMP := $(VENV)/.installed
 
 .PHONY: demo test test-long test-notebooks lint types docs figures dist install clean
@@ -10,7 +11,7 @@ demo: $(STAMP)
 	$(BIN)/mitsuba-restir compare ajar --equal-time 4 -o out/demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist worksteal $(ARGS)
 
 test-long: $(STAMP)
 	$(BIN)/python -m pytest -m long $(ARGS)

@@ -2,17 +2,25 @@
 
 import mitsuba_restir  # noqa: F401  isort: skip
 
+import os
+import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import pytest
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell in the background ignores Ctrl-C for its children; the tests of it do not.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+if workers := int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 0)):
+    # Workers share the cores; tracing and compiling are serial.
+    dr.set_thread_count(max(1, (os.cpu_count() or 1) // workers))
 
 
 def _variant(name: str) -> str:
@@ -50,3 +58,21 @@ def tiny_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip("a full disk is tested where this user may mount one (root on Linux)")
     yield place
     subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="the browser test needs playwright: pip install playwright"
+    )
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = os.environ.get("MITSUBA_RESTIR_CHROMIUM") or next(
+        filter(None, map(shutil.which, names)), None
+    )
+    if found is None:
+        pytest.skip("no Chromium found: install it (Debian: sudo apt install chromium)")
+    with playwright.sync_playwright() as driver:
+        # Containers run as root, where Chromium has no sandbox.
+        chromium = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()

@@ -76,7 +76,7 @@ def unlike_themselves(name: str, frames: int) -> tuple[int, int]:
         renderer.render(scene, seed=seed, spp=1)
         paths = renderer._history.reservoirs.path
         hits = renderer._history.hits
-        moved = renderer._frame.mutated.accepted > 0
+        moved = renderer.frame.mutated.accepted > 0
         shifted = shift(scope_of(renderer, scene), paths, hits, moved)
         lost += int(dr.count(moved & (shifted.outcome != Outcome.OK))[0])
         total += int(dr.count(moved)[0])

@@ -38,7 +38,7 @@ def test_the_image_of_candidates_is_that_of_frames_without_reuse(rgb, parameters
 def test_the_image_of_candidates_costs_nothing_where_it_is_not_asked_for(rgb):
     for aovs, width in (("", 1), ("depth", 1), ("candidates", 32 * 32)):
         _, renderer = rendered(2, aovs=aovs)
-        assert dr.width(renderer._frame.beside.candidates) == width
+        assert dr.width(renderer.frame.beside.candidates) == width
 
 
 def test_light_is_the_share_of_pixels_whose_candidates_carry_some(rgb):

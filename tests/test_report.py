@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 import re
-import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -22,6 +19,7 @@ from scipy import ndimage
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.store.reference as reference_module
 from mitsuba_restir import cache
+from mitsuba_restir.analysis.colours import diverging, sequential
 from mitsuba_restir.analysis.covariance_images import lag_products
 from mitsuba_restir.analysis.images import luminance
 from mitsuba_restir.analysis.intervals import Interval
@@ -32,7 +30,6 @@ from mitsuba_restir.studies.measure.frame_errors import chain_spectra
 from mitsuba_restir.studies.measure.results import Measured, Row
 from mitsuba_restir.studies.notebook import Results
 from mitsuba_restir.studies.report import curves, figures
-from mitsuba_restir.studies.report.colours import diverging, sequential
 from mitsuba_restir.studies.report.headline import headline, percent, short
 from mitsuba_restir.studies.report.page import _smallest_png
 from mitsuba_restir.studies.report.pictures import galleries, shown_of
@@ -406,24 +403,6 @@ def test_a_study_runs_by_name_in_a_folder_of_its_own(
     again = run(str(tmp_path / "drawn.toml"))
     assert again.path == Path("out/evaluate-drawn")
     assert again.table.records() == results.table.records()
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="the browser test needs playwright: pip install playwright"
-    )
-    names = ("chromium", "chromium-browser", "google-chrome")
-    found = os.environ.get("MITSUBA_RESTIR_CHROMIUM") or next(
-        filter(None, map(shutil.which, names)), None
-    )
-    if found is None:
-        pytest.skip("no Chromium found: install it (Debian: sudo apt install chromium)")
-    with playwright.sync_playwright() as driver:
-        # Containers run as root, where Chromium has no sandbox.
-        chromium = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
 
 
 def test_the_page_in_a_browser(results: Results, browser: Any) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys as _sys
 import warnings as _warnings
 from pathlib import Path as _Path
+from typing import Any as _Any
 
 from .errors import root as _root
 
@@ -47,6 +48,21 @@ def _start() -> None:
     _mi.detail.add_variant_callback(_on_variant_change)
     if _mi.variant() is not None:
         _on_variant_change(None, _mi.variant())
+
+
+def view(scene: _Any, **options: _Any) -> _Any:
+    """
+    Show a scene live in a notebook: see :func:`mitsuba_restir.viewer.notebook.view`.
+
+    Needs ``pip install 'mitsuba-restir[view]'``.
+    """
+    try:
+        from .viewer.notebook import view as shown
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] not in ("nicegui", "uvicorn", "fastapi"):
+            raise
+        raise ImportError("view needs pip install 'mitsuba-restir[view]'") from error
+    return shown(scene, **options)
 
 
 _start()

@@ -16,7 +16,7 @@ from .notes import say
 from .signals import INTERRUPTED, TERMINATED, Termination, terminable
 from .streams import Stream, forgiving
 
-_COMMANDS = ("render", "still", "compare", "evaluate", "mask", "scenes", "doctor")
+_COMMANDS = ("render", "still", "view", "compare", "evaluate", "mask", "scenes", "doctor")
 _CODES = (
     f"0 done, 1 failed while rendering, 2 wrong use, {INTERRUPTED} interrupted, "
     f"{TERMINATED} terminated"

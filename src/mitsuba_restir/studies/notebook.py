@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..analysis.colours import line_colours
 from ..errors import UsageError
 from .config.files import load_study
 from .config.study import Size, Study
@@ -17,7 +18,6 @@ from .measure.results import Measured, Refused
 from .measure.table import Table
 from .report import curves as report_curves
 from .report import figures
-from .report.colours import line_colours
 from .report.write import write_report
 from .runner import Progress, run_study
 from .store.folder import StudyFolder

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from ...analysis.colours import line_colours
 from ..measure.quantities import NUMBERS
 from ..measure.results import Measured, Row
 from . import figures
-from .colours import line_colours
 from .curves import Curves
 
 if TYPE_CHECKING:

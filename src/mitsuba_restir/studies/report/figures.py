@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...analysis.colours import line_colours
 from ..measure.quantities import QUANTITIES
 from ..measure.results import Row
-from .colours import line_colours
 from .curves import Curve, Lags, Radial, standard_error
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ import jinja2
 import numpy as np
 from PIL import Image as Pillow
 
+from ...analysis.colours import Picture
 from ...imageio import encode_png
 from ..config.study import REFERENCE, Study
 from ..measure.results import Row
-from .colours import Picture
 from .headline import Headline, ends, percent
 from .pictures import Gallery
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import ndimage
 
+from ...analysis.colours import Picture, diverging
 from ...analysis.covariance_images import covariance_map
 from ...analysis.denoise import denoise
 from ...analysis.images import FloatArray, luminance
@@ -17,7 +18,6 @@ from ..measure.biases import BLOCK, LEAST_RUNS, block_scores
 from ..measure.frame_errors import CLIP, SIGMA, relative_errors
 from ..measure.results import Measured
 from ..runs.results import Image, ReferenceImage, Run
-from .colours import Picture, diverging
 
 # Errors have full colour at one of these, the first above twice the root mean square.
 _SCALES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ...analysis import spectrum
+from ...analysis.colours import Picture, diverging, sequential
 from ...analysis.images import FloatArray
 from ...imageio import to_srgb8
 from ...sampling import masks
 from ..config.study import Study, Variant
 from ..measure.frame_errors import CLIP, frames_of, relative_errors
 from ..measure.results import Measured
-from .colours import Picture, diverging, sequential
 from .curves import LAG_RADIUS, Lags
 from .pictures import Gallery, Shown
 from .strips import crop_of

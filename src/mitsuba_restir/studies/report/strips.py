@@ -12,12 +12,12 @@ from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 from scipy import ndimage
 
+from ...analysis.colours import Picture
 from ...analysis.images import FloatArray, luminance
 from ...imageio import to_srgb8
 from ..config.study import REFERENCE
 from ..measure.results import Measured
 from ..runs.results import Image
-from .colours import Picture
 from .pictures import Shown, error_pictures, seen_pictures
 
 CROP = 32

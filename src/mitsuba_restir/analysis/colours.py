@@ -1,4 +1,4 @@
-"""Colours of reports: one for each variant, and maps of numbers to colours."""
+"""Colours of figures: one for each variant, and maps of numbers to colours."""
 
 from __future__ import annotations
 

@@ -1,0 +1,268 @@
+"""What comes next: a frame that follows the camera, a still that grows, or the same frame anew."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from ..imageio import Image
+from . import encode, pace, views
+from .camera import Pose
+from .model import Settings
+from .pace import Pace
+from .reference import Reference, relmse, spectrum
+from .renderer import Renderer, Shot
+from .resting import SHOWN_FROM, Resting
+from .session import Plots, Published, Task
+from .views import VIEWS, Drawn
+
+SETTLED = 1.0
+"""Seconds of rest before a still begins."""
+
+BETWEEN_STILLS, BETWEEN_PLOTS = 0.3, 0.5
+"""Seconds between two pictures of a still, and between two sets of plots."""
+
+REHEARSED = 2
+"""Frames after which the first moving frame is as fast as all others."""
+
+
+class Director:
+    """
+    Turns tasks into pictures.
+
+    Parameters
+    ----------
+    renderer : Renderer
+    reference : Reference or None
+        Of the camera's first place.
+    announce : callable
+        Is told what takes longer than a frame.
+    clock : callable
+        Time in seconds.
+
+    Attributes
+    ----------
+    plots : Plots
+        Of the last picture.
+    """
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        reference: Reference | None,
+        announce: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.plots = Plots()
+        self._renderer = renderer
+        self._given = self._reference = reference
+        self._announce = announce
+        self._clock = clock
+        self._pace = Pace()
+        self._sizes = [pace.size_at(renderer.full, n) for n in range(len(pace.SCALES))]
+        self._numbers: Iterator[int] = itertools.count(1)
+        self._shots: tuple[Shot, ...] = ()
+        self._resting: Resting | None = None
+        self._last: Task | None = None
+        self._rested = self._plotted = -1e9
+        self._drawn_as: Settings | None = None
+        self._frames = 0
+        self._finished = False
+
+    def picture(self, task: Task) -> Published | None:
+        """
+        Do the next thing.
+
+        Returns
+        -------
+        Published or None
+            None where there is nothing new to show.
+
+        Raises
+        ------
+        ValueError
+            What is asked for cannot be rendered, or shown.
+        """
+        before, self._last = self._last, task
+        if before is not None and self._starts_anew(before, task):
+            self._renderer.reset()
+            self._resting = None
+            self._frames = 0
+        if before is not None and task.kept != before.kept:
+            self._keep()
+        stepped = before is None or task.steps != before.steps
+        if task.settings.frozen and not stepped and self._shots:
+            return self._drawn(task, self._shots)
+        if self._accumulates(task):
+            return self._grown(task)
+        return self._live(task)
+
+    @property
+    def done(self) -> bool:
+        """Whether the next picture would be the same as the last one."""
+        assert self._last is not None
+        return self._last.settings.frozen or (
+            self._resting is not None and self._accumulates(self._last) and self._finished
+        )
+
+    def _starts_anew(self, before: Task, task: Task) -> bool:
+        """Whether histories are forgotten: on request, and to have two sides in step."""
+        if task.resets != before.resets:
+            return True
+        now, then = ([side.rendered for side in t.settings.shown] for t in (task, before))
+        return task.settings.compare and now != then
+
+    def _accumulates(self, task: Task) -> bool:
+        settings = task.settings
+        return (
+            settings.accumulate
+            and not settings.compare
+            and not settings.frozen
+            and not task.moving
+            and task.rest >= SETTLED
+            and VIEWS[settings.sides[0].view].still
+        )
+
+    def _live(self, task: Task) -> Published:
+        """A frame of each side; the same one where they differ in nothing that is rendered."""
+        settings = task.settings
+        self._pace = pace.chosen(self._pace, self._sizes, settings.fps)
+        size = self._sizes[self._pace.level if task.moving else 0]
+        shots: dict[tuple[object, ...], Shot] = {}
+        for side in settings.shown:
+            if side.rendered not in shots:
+                shots[side.rendered] = self._renderer.shoot(side, task.pose, size)
+        seconds = sum(shot.seconds for shot in shots.values())
+        if not any(shot.compiled for shot in shots.values()) and self._frames > REHEARSED:
+            self._pace = pace.measured(self._pace, size[0] * size[1], seconds)
+        self._frames += 1
+        self._shots = tuple(replace(shots[side.rendered], side=side) for side in settings.shown)
+        return self._drawn(task, self._shots)
+
+    def _drawn(self, task: Task, shots: tuple[Shot, ...]) -> Published:
+        settings = task.settings
+        shots = _seen_as(settings, shots)
+        reference = self._reference_of(shots[0].pose, shots[0].size)
+        drawn = [_draw(shot, settings.exposure, reference) for shot in shots]
+        self._plot([shot.image for shot in shots], reference, [shot.passes for shot in shots])
+        facts = {
+            "state": "frozen" if settings.frozen else "moving" if task.moving else "live",
+            "frames": self._frames,
+            "ms": round(1e3 * sum(shot.seconds for shot in shots), 1),
+            "compiled": sum(shot.compiled for shot in shots),
+        }
+        return self._published(drawn, facts, [shot.image for shot in shots], reference)
+
+    def _grown(self, task: Task) -> Published | None:
+        """A still with one more frame; seldom shown, so that time is spent on its frames."""
+        side = task.settings.sides[0]
+        resting = self._resting
+        if resting is None or resting.side.rendered != side.rendered:
+            self._rehearse(task)
+            self._announce("compiling the still")
+            resting = self._resting = Resting(self._renderer, side, task.pose)
+        elif resting.pose != task.pose:
+            resting.restart(task.pose)
+        progress = resting.advance()
+        self._finished = progress is None
+        if progress is not None and not self._is_due(progress.frames, task.settings):
+            return None
+        still = resting.still(denoise=side.view == "denoised")
+        self._rested, self._drawn_as = self._clock(), task.settings
+        reference = self._reference_of(task.pose, self._renderer.full)
+        image = still.image if still.denoised is None else still.denoised
+        if side.view == "error":
+            if reference is None:
+                raise ValueError(VIEWS["error"].missing(side, None))
+            drawn = views.error(image, reference)
+        else:
+            drawn = Drawn(views.colour(image, task.settings.exposure))
+        self._plot([image], reference, self.plots.passes)
+        facts = {
+            "state": "still",
+            "frames": still.frames,
+            "error": round(still.error, 5),
+            "ms": round(1e3 * still.seconds / max(still.frames, 1), 1),
+        }
+        return self._published([drawn], facts, [image], reference)
+
+    def _is_due(self, frames: int, settings: Settings) -> bool:
+        """Whether a still of so many frames is worth a picture."""
+        if frames <= SHOWN_FROM:
+            return frames == SHOWN_FROM
+        return settings != self._drawn_as or self._clock() - self._rested >= BETWEEN_STILLS
+
+    def _rehearse(self, task: Task) -> None:
+        """Record the frames that the next touch of the camera will need, while there is time."""
+        size = self._sizes[pace.chosen(self._pace, self._sizes, task.settings.fps).level]
+        side = task.settings.sides[0]
+        if not self._renderer.knows(side, size):
+            for _ in range(REHEARSED + 1):
+                self._renderer.shoot(side, task.pose, size)
+
+    def _keep(self) -> None:
+        """Take the still as the reference of its view."""
+        if self._resting is None:
+            raise ValueError("there is no still to keep as the reference: let the camera rest")
+        still = self._resting.still(denoise=False)
+        self._reference = Reference(still.image, self._resting.pose, f"{still.frames} frames")
+
+    def _reference_of(self, pose: Pose | None, size: tuple[int, int]) -> Reference | None:
+        for reference in (self._reference, self._given):
+            if reference is not None and reference.fits(pose, size):
+                return reference
+        return None
+
+    def _plot(self, images: list[Image], reference: Reference | None, passes: Any) -> None:
+        now = self._clock()
+        if now - self._plotted < BETWEEN_PLOTS:
+            return
+        self._plotted = now
+        spectra = []
+        if reference is not None:
+            spectra = [spectrum(views.relative_error(image, reference)) for image in images]
+        self.plots = Plots(tuple(passes), tuple(spectra))
+
+    def _published(
+        self,
+        drawn: list[Drawn],
+        facts: dict[str, Any],
+        images: list[Image],
+        reference: Reference | None,
+    ) -> Published:
+        quality = encode.RESTING if facts["state"] in ("still", "frozen") else encode.MOVING
+        pictures = tuple(each.picture for each in drawn)
+        height, width = pictures[0].shape[:2]
+        facts |= {
+            "width": width,
+            "height": height,
+            "full": list(self._renderer.full),
+            "scales": [each.scale for each in drawn],
+        }
+        if reference is not None:
+            facts["relmse"] = [float(f"{relmse(image, reference):.3g}") for image in images]
+            facts["reference"] = reference.name
+        return Published(
+            next(self._numbers),
+            pictures,
+            tuple(encode.jpeg(picture, quality) for picture in pictures),
+            facts,
+        )
+
+
+def _seen_as(settings: Settings, shots: tuple[Shot, ...]) -> tuple[Shot, ...]:
+    """With the views of the moment: a frozen frame keeps all else."""
+    return tuple(
+        replace(shot, side=replace(shot.side, view=side.view))
+        for shot, side in zip(shots, settings.sides, strict=False)
+    )
+
+
+def _draw(shot: Shot, exposure: float, reference: Reference | None) -> Drawn:
+    view = VIEWS[shot.side.view]
+    if missing := view.missing(shot.side, reference):
+        raise ValueError(missing)
+    return view.draw(shot, exposure, reference)
