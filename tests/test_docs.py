@@ -34,6 +34,7 @@ MOST_BYTES = 300_000
 PUBLIC = (
     "mitsuba_restir",
     "mitsuba_restir.scenes",
+    "mitsuba_restir.sequence",
     "mitsuba_restir.still",
     "mitsuba_restir.studies",
     *(

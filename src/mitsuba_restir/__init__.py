@@ -13,7 +13,7 @@ from typing import Any as _Any
 
 from .errors import root as _root
 
-__all__ = ["__version__"]
+__all__ = ["__version__", "view"]
 
 __version__ = "0.1.0"
 
