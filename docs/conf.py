@@ -77,6 +77,13 @@ def without_missing(app: Sphinx, name: str, source: list[str]) -> None:
                 source[0] = source[0].replace(f"\n{page}\n", "\n")
 
 
+def to_repository(app: Sphinx, name: str, source: list[str]) -> None:
+    """Point what a page says of files beside the folder of the pages to the repository."""
+    if "/" not in name:
+        source[0] = source[0].replace("](../", f"]({repository()}/blob/main/")
+
+
 def setup(app: Sphinx) -> None:
-    """Register it."""
+    """Register both."""
     app.connect("source-read", without_missing)
+    app.connect("source-read", to_repository)
