@@ -1,4 +1,8 @@
-"""``command-line``: a section for each command, made from the parsers of ``mitsuba-restir``."""
+"""Pages made from the program: its command line, and the plans of its stills.
+
+``command-line`` is a section for each command, from the parsers; ``still-plans`` a list of the
+named plans, in their own words.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from mitsuba_restir.cli import build_parser
+from mitsuba_restir.still import PLANS
 
 
 class CommandLine(SphinxDirective):
@@ -73,7 +78,21 @@ def _filled(match: re.Match[str], action: argparse.Action) -> str:
     return str(getattr(action, match[1])) if match[1] else "%"
 
 
+class StillPlans(SphinxDirective):
+    """The named plans of stills."""
+
+    def run(self) -> list[nodes.Node]:
+        """A list, from no reuse to much."""
+        found = nodes.bullet_list()
+        for name, plan in PLANS.items():
+            words = plan.describe().removeprefix(f"{name}: ")
+            line = nodes.paragraph("", "", nodes.literal(text=name), nodes.Text(f": {words}"))
+            found += nodes.list_item("", line)
+        return [found]
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register it."""
     app.add_directive("command-line", CommandLine)
+    app.add_directive("still-plans", StillPlans)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
