@@ -182,7 +182,7 @@ def lines(runs: int, spp: int) -> Iterator[str]:
             moving = found.moved if moving is None else moving
             if moving.any():
                 there = errors_of(found.images, mean, noise, moving)
-                yield f"    on {moving.mean():.0%} of the pixels, which move: {mean_interval(there)}"
+                yield f"    on what moves ({moving.mean():.0%}): {mean_interval(there)}"
 
 
 def main(show: Callable[[str], None] = print) -> int:
