@@ -51,6 +51,19 @@ LIGHT = [
         ],
     },
 ]
+FURNITURE = [
+    {
+        "parameter": f"{name}.to_world",
+        "keyframes": [{"frame": 0, "translate": move, "rotate": turn}, {"frame": FRAMES - 1}],
+    }
+    for name, move, turn in (
+        ("copy", [0.2, 0.1, 0.3], {"axis": [0, 1, 0.2], "angle": 50}),
+        ("plate", [-0.3, 0.1, 0.2], {"axis": [1, 1, 0], "angle": 40}),
+        ("pillar", [-0.2, 0.2, 0], {"axis": [0, 0, 1], "angle": 30}),
+        ("bulb", [-0.4, -0.2, -0.5], {"axis": [1, 0, 0], "angle": 45}),
+        ("moon", [0.3, -0.3, -0.4], {"axis": [0, 1, 0], "angle": 90}),
+    )
+]
 CAMERA = [
     {"frame": 0, "origin": [0.2, 1.1, 3.5], "target": [-0.1, 0.9, 0]},
     {"frame": FRAMES - 1, "origin": rooms.CAMERA[0], "target": rooms.CAMERA[1]},
@@ -58,9 +71,11 @@ CAMERA = [
 MIXED = {"mutations": 2, "guiding": True, "spatial_radius": 6.0}
 
 
-def shot(tracks: list[Any], **parameters: Any) -> Callable[[int], list[np.ndarray]]:
+def shot(
+    tracks: list[Any], room: str = "room", **parameters: Any
+) -> Callable[[int], list[np.ndarray]]:
     """Renders the frames of an animation in the room, from a seed."""
-    scene = references.CASES["room"].load()
+    scene = references.CASES[room].load()
     data: dict[str, Any] = {"interpolation": "linear", "tracks": tracks}
     if parameters.pop("camera", False):
         data["keyframes"] = CAMERA
@@ -87,6 +102,7 @@ def last_frames(frames: Callable[[int], list[np.ndarray]]) -> Iterator[np.ndarra
 CASES = {
     "object": (OBJECT, {"spatial": False}, 64),
     "light": (LIGHT, {"spatial": False}, 128),
+    "furniture": (FURNITURE, {"room": "furniture", "spatial": False, "mutations": 1}, 64),
     # Without the mesh: what moves one is traced again in every frame, and takes much longer.
     "all": (OBJECT[1:] + LIGHT, {"camera": True, **MIXED}, 128),
 }
@@ -97,7 +113,9 @@ CASES = {
 def test_last_frame(rgb, name):
     tracks, parameters, runs = CASES[name]
     frames = shot(tracks, **parameters)
-    report = bias_report(last_frames(frames), runs, *references.load("room"))
+    report = bias_report(
+        last_frames(frames), runs, *references.load(parameters.get("room", "room"))
+    )
     assert_unbiased(report, f"moving-{name}", POWER)
     statistics = frames.integrator.statistics()
     assert statistics["temporal"]["ok"] > 0.7
