@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -75,9 +75,17 @@ def render(
     **parameters
         Of ``restir_pt``. ``retrace_history`` is on where ``update`` may edit more than sensors.
 
-    Yields
+    Returns
+    -------
+    iterator of Frame
+        Each is rendered when it is asked for.
+
+    Raises
     ------
-    Frame
+    ValueError
+        An argument is not allowed, or the integrator refuses it.
+    ImportError
+        Denoised frames are asked for, and the denoiser is not installed.
     """
     if frames < 1 or not 0 <= start < frames:
         raise ValueError(f"there is no frame {start} among {frames}")
@@ -96,23 +104,24 @@ def render(
         sensor = scene.sensors()[sensor]
     first = max(0, start - WARMUP)
     shot = Shot(scene, sensor, integrator, update, spp, seed_from(seed, first))
-    images = (shot.image(index) for index in range(first, frames))
-    for index, image in enumerate(images, first):
+    return _frames(shot, range(first, frames), start, tuple(aovs), tuple(guides.values()))
+
+
+def _frames(
+    shot: Shot, indices: range, start: int, aovs: Sequence[str], guides: Sequence[str]
+) -> Iterator[Frame]:
+    """The frames from ``start`` on; ``guides`` are the layers that the denoiser takes, if any."""
+    for index in indices:
+        image = shot.image(index)
         if index < start:
             continue
-        layers = _layers(image, integrator.aov_names())
+        layers = _layers(image, shot.integrator.aov_names())
+        colour = image[..., : len(RGB)]
         clean = None
-        if denoise:
-            clean = denoiser.denoise_guided(
-                image[..., :3], *(layers[name] for name in guides.values())
-            )
-        yield Frame(
-            index,
-            image[..., : len(RGB)],
-            {name: layers[name] for name in aovs},
-            clean,
-            integrator.statistics(),
-        )
+        if guides:
+            clean = denoiser.denoise_guided(colour, *(layers[name] for name in guides))
+        shown = {name: layers[name] for name in aovs}
+        yield Frame(index, colour, shown, clean, shot.integrator.statistics())
 
 
 def _layers(image: Image, channels: list[str]) -> dict[str, Image]:
