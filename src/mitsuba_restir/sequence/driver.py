@@ -9,6 +9,7 @@ from typing import Any
 import mitsuba as mi
 
 from ..analysis import denoise as denoiser
+from ..errors import one_line, root
 from ..imageio import RGB, Image
 from ..integrators.parameters import asking_for, images_of
 from .shot import WARMUP, Shot, seed_from
@@ -99,7 +100,10 @@ def render(
     wanted = {**aovs, **{name: kind for kind, name in guides.items()}}
     if wanted:
         parameters["aovs"] = asking_for(wanted)
-    integrator = mi.load_dict({"type": "restir_pt", **parameters})
+    try:
+        integrator = mi.load_dict({"type": "restir_pt", **parameters})
+    except RuntimeError as error:
+        raise ValueError(one_line(root(error))) from error
     if not isinstance(sensor, mi.Sensor):
         sensor = scene.sensors()[sensor]
     first = max(0, start - WARMUP)
