@@ -57,7 +57,7 @@ class Shot:
         with rendering():
             if self._watched is not None:
                 self.integrator.follow(self._watched.change())
-            elif self.integrator.parameters.retrace_history:
+            elif self._update is not None and self.integrator.parameters.retrace_history:
                 self._watched = Watched(self._scene)
             image = mi.render(
                 self._scene,
