@@ -46,11 +46,16 @@ OBJECT = [
     _track("tall_block.to_world", translate=[0.4, 0, 0.4], rotate={"axis": [0, 1, 0], "angle": 60}),
     _track("low_block.to_world", translate=[-0.4, 0.4, 0]),
 ]
+SLOW = [
+    _track("tall_block.to_world", translate=[0.1, 0, 0.1], rotate={"axis": [0, 1, 0], "angle": 15}),
+    _track("low_block.to_world", translate=[-0.1, 0.1, 0]),
+]
 LIGHT = [_track("light.to_world", translate=[0.5, -0.2, 0.3])]
 CAMERA = [_track("sensor.to_world", translate=[0.3, 0.1, 0.2])]
 
 CASES: dict[str, tuple[list[Any], dict[str, Any]]] = {
     "object": (OBJECT, {}),
+    "slow object": (SLOW, {}),
     "light": (LIGHT, {}),
     "camera": (CAMERA, {}),
     "all, with mutations and guiding": (OBJECT + LIGHT + CAMERA, MIXED),
