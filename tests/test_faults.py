@@ -269,7 +269,7 @@ def test_ctrl_c_while_a_frame_is_recorded_comes_out(rgb, monkeypatch):
             renderer.render(scene, spp=1)
     assert isinstance(root(error.value), KeyboardInterrupt)
     assert renderer.render(scene, spp=1).shape == (4, 4, 3)
-    assert renderer._stages.sample._recordable
+    assert renderer._stages._sample._recordable
 
 
 PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
