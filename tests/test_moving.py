@@ -108,21 +108,32 @@ CASES = {
 }
 
 
+def check(name: str, longer: int, power: float) -> Any:
+    """Test the last frame of a case, with so many times its runs; returns the integrator."""
+    tracks, parameters, runs = CASES[name]
+    frames = shot(tracks, **parameters)
+    reference = references.load(parameters.get("room", "room"))
+    report = bias_report(last_frames(frames), longer * runs, *reference)
+    assert_unbiased(report, f"moving-{name}", power)
+    return frames.integrator
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_last_frame(rgb, name):
-    tracks, parameters, runs = CASES[name]
-    frames = shot(tracks, **parameters)
-    report = bias_report(
-        last_frames(frames), runs, *references.load(parameters.get("room", "room"))
-    )
-    assert_unbiased(report, f"moving-{name}", POWER)
-    statistics = frames.integrator.statistics()
+    statistics = check(name, 1, POWER).statistics()
     assert statistics["temporal"]["ok"] > 0.7
     assert statistics["not_finite"] == 0
-    if tracks is not LIGHT:
+    if name != "light":
         assert statistics["moving"]["matched"] > 0.5
         assert statistics["moving"]["not_followed"] == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", CASES)
+def test_long(rgb, name):
+    """The same at 8 times the samples."""
+    check(name, 8, POWER / 2)
 
 
 @pytest.mark.slow
