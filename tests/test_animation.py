@@ -31,7 +31,15 @@ def scene() -> mi.Scene:
     return mi.load_dict(
         {
             "type": "scene",
-            "camera": {"type": "perspective"},
+            "camera": {
+                "type": "perspective",
+                "film": {
+                    "type": "hdrfilm",
+                    "width": 16,
+                    "height": 9,
+                    "rfilter": {"type": "box"},
+                },
+            },
             "lamp": {
                 "type": "point",
                 "position": [0, 3, 0],
@@ -201,6 +209,33 @@ def test_wrong_animations_are_refused(data, word):
 def test_what_the_scene_has_not_is_refused(rgb, track, word):
     with pytest.raises(UsageError, match=word):
         sequence.from_data({"tracks": [track]}).bind(scene())
+
+
+def test_frames_as_they_are_asked_for(rgb):
+    """From a frame on, after a warm-up that is not shown; wrong arguments are refused at once."""
+    made = scene()
+    place = sequence.from_data({"tracks": [{**TRACK, "parameter": "ball.to_world"}]}).bind(made)
+    placed = []
+
+    def update(frame: int) -> None:
+        placed.append(frame)
+        place(frame)
+
+    settings = {"max_depth": 2, "aovs": "depth"}
+    frames = sequence.render(made, 25, update, start=22, **settings)
+    assert placed == []
+    first = next(frames)
+    assert first.index == 22
+    assert placed == list(range(22 - sequence.WARMUP, 23))
+    assert [frame.index for frame in frames] == [23, 24]
+    height, width = first.image.shape[:2]
+    assert first.image.shape == (height, width, 3)
+    assert first.layers["depth"].shape == (height, width, 1)
+    assert first.denoised is None
+    assert 0 <= first.statistics["matched"] <= 1
+    for wrong in ({"frames": 0}, {"frames": 3, "start": 3}, {"frames": 3, "max_dept": 2}):
+        with pytest.raises(ValueError, match=r"no frame|no parameter 'max_dept'"):
+            sequence.render(made, **wrong)
 
 
 @pytest.mark.parametrize(("name", "text"), [("a.json", "{"), ("a.toml", "= 3"), ("a.yaml", "")])

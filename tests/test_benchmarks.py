@@ -14,7 +14,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from benchmarks import kernels, memory, startup, task
+from benchmarks import kernels, memory, moving, startup, task
 from benchmarks.child import ask
 from benchmarks.stills import as_long
 from benchmarks.task import Task
@@ -115,6 +115,17 @@ def test_memory_by_its_command(file: str, tmp_path: Path) -> None:
     assert found["32x16", "frame", "peak"][0] > 0.0
     assert found["32x16", "frame", "peak"][1] == "B"
     assert ("all", "frame", "slope of the peak, Dr.Jit's memory") in found
+
+
+def test_what_moves(rgb, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(moving, "SIZE", (16, 16))
+    monkeypatch.setattr(moving, "CASES", {"light": moving.CASES["light"]})
+    head, *lines = moving.lines(2, 32)
+    assert head.startswith("cornell 16x16")
+    assert [line.split(":")[0] for line in lines if "light" in line] == [
+        f"light; {way}" for way in moving.WAYS
+    ]
+    assert all("mean/reference" in line for line in lines if line.startswith("light"))
 
 
 @pytest.mark.slow

@@ -150,6 +150,10 @@ def turn(degrees: float, frames: int, **more: Any) -> camera_path.CameraPath:
     return camera_path.from_data({"keyframes": [start, end]})
 
 
+def straight(keys: list[dict[str, Any]]) -> camera_path.CameraPath:
+    return camera_path.from_data({"interpolation": "linear", "keyframes": keys})
+
+
 def test_a_half_turn_is_refused_and_the_frame_is_named():
     """Halfway the target is where the camera is, so that it looks nowhere."""
     with pytest.raises(UsageError, match=r"frame 3, between keyframes 0 and 1, .*180 degrees"):
@@ -170,7 +174,7 @@ def test_a_camera_that_turns_over_or_looks_along_up_is_refused():
     above = {"frame": 2, "origin": [0, 0, 0], "target": [-1, 3, 0]}
     middle = {"frame": 5, "origin": [0, 0, 0], "target": [-1, 3, 1]}
     with pytest.raises(UsageError, match=r"frame 1, between keyframes 0 and 1"):
-        camera_path.from_data({"keyframes": [below, above, middle]}).check(6)
+        straight([below, above, middle]).check(6)
 
 
 def test_frames_beyond_the_last_keyframe_are_its():
@@ -188,7 +192,7 @@ def test_rounding_does_not_hide_a_frame_without_view(scale):
         for frame, sign in ((0, 1), (6, -1), (7, -1))
     ]
     with pytest.raises(UsageError, match="frame 3,"):
-        camera_path.from_data({"keyframes": keys}).check(8)
+        straight(keys).check(8)
 
 
 def test_nothing_is_rendered_of_a_path_with_such_a_frame(tmp_path, monkeypatch, capsys):
@@ -202,7 +206,7 @@ def test_nothing_is_rendered_of_a_path_with_such_a_frame(tmp_path, monkeypatch, 
     assert cli.main([*arguments, "-o", "film/"]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "argument --camera-path: frame 2, between keyframes 0 and 1" in error
+    assert "argument --animate: frame 2, between keyframes 0 and 1" in error
     assert [entry.name for entry in tmp_path.iterdir()] == ["path.toml"]
 
 
@@ -265,7 +269,7 @@ def test_ctrl_c_while_a_frame_is_recorded_comes_out(rgb, monkeypatch):
             renderer.render(scene, spp=1)
     assert isinstance(root(error.value), KeyboardInterrupt)
     assert renderer.render(scene, spp=1).shape == (4, 4, 3)
-    assert renderer._stages.sample._recordable
+    assert renderer._stages._sample._recordable
 
 
 PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

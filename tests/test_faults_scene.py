@@ -162,7 +162,7 @@ def test_only_edits_of_primitives_reshape(rgb):
     assert watch.look(thorough=False) is None
 
 
-def test_recordings_follow_lights_alone(rgb):
+def test_recordings_follow_lights_and_places_alone(rgb):
     scene = mi.load_dict(edits.things()["bsdf plastic"])
     watch, parameters = SceneWatch(scene), mi.traverse(scene)
     for names, replayable in (
@@ -170,12 +170,23 @@ def test_recordings_follow_lights_alone(rgb):
         (["lamp.emitter.radiance.value", "sky.radiance.value"], True),
         (["lamp.emitter.radiance.value", "thing.bsdf.eta"], False),
         (["thing.bsdf.diffuse_reflectance.value"], False),
-        (["thing.to_world"], False),
+        (["thing.to_world", "lamp.to_world", "sky.radiance.value"], True),
+        (["thing.to_world", "thing.bsdf.eta"], False),
     ):
         for name in names:
             parameters[name] = edits.edited(name.split(".")[-1], parameters[name], 1)
         parameters.update()
         assert watch.look(thorough=False).replayable is replayable, names
+
+
+def test_recordings_do_not_follow_a_mesh(rgb):
+    """They would show it where it was, as soon as memory is used again."""
+    scene = mi.load_dict(edits.things()["shape cube"])
+    watch, parameters = SceneWatch(scene), mi.traverse(scene)
+    moved = edits.edited("vertex_positions", parameters["thing.vertex_positions"], 1)
+    parameters["thing.vertex_positions"] = moved
+    parameters.update()
+    assert not watch.look(thorough=False).replayable
 
 
 def test_watching_many_shapes_costs_little(rgb):

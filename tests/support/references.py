@@ -55,6 +55,7 @@ CASES = {
     "room_spectral": Case(rooms.room, variant="llvm_ad_spectral"),
     "room_mono": Case(rooms.room, variant="llvm_ad_mono"),
     "room_lamp_off": Case(rooms.room, edit={"light.emitter.radiance.value": 0.0}),
+    "furniture": Case(rooms.furniture),
     "open_room": Case(rooms.open_room),
     "open_room_moved": Case(rooms.open_room, edit={"lamp.position": LAMP_MOVED}),
     "far_room": Case(lambda: rooms.open_room(50.0), max_depth=7),

@@ -105,6 +105,47 @@ def room(lens: bool = False, light_in_view: bool = False) -> Scene:
     }
 
 
+def furniture() -> Scene:
+    """The room with an instance, a disk and a cylinder, lit by a mesh and a ball."""
+    transform = mi.ScalarTransform4f
+    glossy = {"type": "roughconductor", "material": "Al", "alpha": 0.25}
+    scene = {
+        "type": "scene",
+        "sensor": sensor(),
+        **_walls(_diffuse(0.6, 0.6, 0.6)),
+        "bulb": {
+            "type": "cube",
+            "to_world": transform().translate([0.3, 1.6, 0.9]).scale(0.15),
+            "emitter": {"type": "area", "radiance": _rgb(12.0, 10.0, 7.0)},
+        },
+        "moon": {
+            "type": "sphere",
+            "center": [-0.6, 1.5, 1.2],
+            "radius": 0.2,
+            "emitter": {"type": "area", "radiance": _rgb(3.0, 5.0, 8.0)},
+        },
+        "group": {"type": "shapegroup", "inner": {"type": "cube", "bsdf": glossy}},
+        "copy": {
+            "type": "instance",
+            "group": {"type": "ref", "id": "group"},
+            "to_world": transform().translate([-0.4, 0.4, -0.3]).scale([0.25, 0.4, 0.25]),
+        },
+        "plate": {
+            "type": "disk",
+            "to_world": transform().translate([0.5, 1.0, -0.4]).scale(0.4),
+            "bsdf": {"type": "twosided", "nested": glossy},
+        },
+        "pillar": {
+            "type": "cylinder",
+            "p0": [0.4, 0.0, 0.2],
+            "p1": [0.4, 0.6, 0.2],
+            "radius": 0.15,
+            "bsdf": _diffuse(0.3, 0.5, 0.6),
+        },
+    }
+    return scene
+
+
 def open_room(distance: float = CAMERA[0][2]) -> Scene:
     """The room with a point light alone, and nothing that casts a shadow.
 

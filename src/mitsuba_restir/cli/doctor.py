@@ -146,7 +146,7 @@ def run(_: argparse.Namespace) -> int:
     import mitsuba as mi
 
     chosen = llvm.provide()
-    packages = ("mitsuba-restir", "mitsuba", "drjit", "numpy", "mitsuba-oidn")
+    packages = ("mitsuba-restir", "mitsuba", "drjit", "numpy", "mitsuba-oidn", "av")
     _line("versions", ", ".join(f"{name} {_version(name)}" for name in packages))
     _line("python", f"{platform.python_version()} ({sys.executable}) on {platform.platform()}")
     _line("LLVM", f"{chosen.path or '(none)'}, {chosen.source}")

@@ -98,7 +98,9 @@ class Parameters:
     retrace_history: bool = declared(
         False,
         """Trace the history's paths again in the current scene before they are reused. Needed where
-        the scene changes between frames and :py:meth:`reset` is not called.""",
+        the scene changes between frames and :py:meth:`reset` is not called. Unbiased where the
+        integrator is told of the edits (``mitsuba_restir.sequence``); otherwise the frame of a
+        change is too dark where light reaches what it did not reach.""",
     )
     guiding: bool = declared(
         False,

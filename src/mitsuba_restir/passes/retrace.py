@@ -10,7 +10,9 @@ A path that did not exist in the old scene cannot be in the history, although th
 target function says that it could be: where light reaches a surface that it did not reach before,
 or where a bounce finds an area light that was elsewhere, the frame of the change is too dark, and
 the error fades as the history refills. Directions are kept without the ratio of their old and new
-pdfs, so materials must not change: reset the history then.
+pdfs, so materials must not change: reset the history then. None of this holds where the integrator
+is told of an edit that can be taken back (:mod:`mitsuba_restir.integrators.change`): the scene
+before it is then looked back at, and this pass is not run.
 """
 
 from __future__ import annotations

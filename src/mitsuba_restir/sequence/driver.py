@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import mitsuba as mi
 
 from ..analysis import denoise as denoiser
+from ..errors import one_line, root
 from ..imageio import RGB, Image
 from ..integrators.parameters import asking_for, images_of
 from .shot import WARMUP, Shot, seed_from
@@ -75,9 +76,17 @@ def render(
     **parameters
         Of ``restir_pt``. ``retrace_history`` is on where ``update`` may edit more than sensors.
 
-    Yields
+    Returns
+    -------
+    iterator of Frame
+        Each is rendered when it is asked for.
+
+    Raises
     ------
-    Frame
+    ValueError
+        An argument is not allowed, or the integrator refuses it.
+    ImportError
+        Denoised frames are asked for, and the denoiser is not installed.
     """
     if frames < 1 or not 0 <= start < frames:
         raise ValueError(f"there is no frame {start} among {frames}")
@@ -91,28 +100,32 @@ def render(
     wanted = {**aovs, **{name: kind for kind, name in guides.items()}}
     if wanted:
         parameters["aovs"] = asking_for(wanted)
-    integrator = mi.load_dict({"type": "restir_pt", **parameters})
+    try:
+        integrator = mi.load_dict({"type": "restir_pt", **parameters})
+    except RuntimeError as error:
+        raise ValueError(one_line(root(error))) from error
     if not isinstance(sensor, mi.Sensor):
         sensor = scene.sensors()[sensor]
     first = max(0, start - WARMUP)
     shot = Shot(scene, sensor, integrator, update, spp, seed_from(seed, first))
-    images = (shot.image(index) for index in range(first, frames))
-    for index, image in enumerate(images, first):
+    return _frames(shot, range(first, frames), start, tuple(aovs), tuple(guides.values()))
+
+
+def _frames(
+    shot: Shot, indices: range, start: int, aovs: Sequence[str], guides: Sequence[str]
+) -> Iterator[Frame]:
+    """The frames from ``start`` on; ``guides`` are the layers that the denoiser takes, if any."""
+    for index in indices:
+        image = shot.image(index)
         if index < start:
             continue
-        layers = _layers(image, integrator.aov_names())
+        layers = _layers(image, shot.integrator.aov_names())
+        colour = image[..., : len(RGB)]
         clean = None
-        if denoise:
-            clean = denoiser.denoise_guided(
-                image[..., :3], *(layers[name] for name in guides.values())
-            )
-        yield Frame(
-            index,
-            image[..., : len(RGB)],
-            {name: layers[name] for name in aovs},
-            clean,
-            integrator.statistics(),
-        )
+        if guides:
+            clean = denoiser.denoise_guided(colour, *(layers[name] for name in guides))
+        shown = {name: layers[name] for name in aovs}
+        yield Frame(index, colour, shown, clean, shot.integrator.statistics())
 
 
 def _layers(image: Image, channels: list[str]) -> dict[str, Image]:

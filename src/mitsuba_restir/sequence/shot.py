@@ -25,7 +25,17 @@ def seed_from(seed: int, first: int) -> int:
 
 
 class Shot:
-    """Renders the frames of a scene that moves, with the history that they leave."""
+    """
+    Renders the frames of a scene that moves, with the history that they leave.
+
+    Parameters
+    ----------
+    scene, sensor, integrator
+        The integrator's history is that of the last frame; it is a ``restir_pt``.
+    update : callable or None
+        See :func:`.driver.render`.
+    spp, seed : int
+    """
 
     def __init__(
         self,
@@ -36,7 +46,7 @@ class Shot:
         spp: int,
         seed: int,
     ) -> None:
-        self._scene, self._sensor, self._integrator = scene, sensor, integrator
+        self._scene, self._sensor, self.integrator = scene, sensor, integrator
         self._update, self._spp, self._seed = update, spp, seed
         self._watched: Watched | None = None
 
@@ -46,14 +56,14 @@ class Shot:
             self._update(index)
         with rendering():
             if self._watched is not None:
-                self._integrator.follow(self._watched.change())
-            elif self._integrator.parameters.retrace_history:
+                self.integrator.follow(self._watched.change())
+            elif self._update is not None and self.integrator.parameters.retrace_history:
                 self._watched = Watched(self._scene)
             image = mi.render(
                 self._scene,
-                integrator=self._integrator,
+                integrator=self.integrator,
                 sensor=self._sensor,
                 spp=self._spp,
                 seed=self._seed,
             )
-            return with_rgb(image, len(self._integrator.aov_names()))
+            return with_rgb(image, len(self.integrator.aov_names()))
