@@ -15,10 +15,11 @@ from mitsuba_restir.integrators.presets import PRESETS
 from mitsuba_restir.viewer import camera, controls, encode, messages, pace, plots, timing
 from mitsuba_restir.viewer.camera import Pose
 from mitsuba_restir.viewer.command import Subject, command
+from mitsuba_restir.viewer.exchange import Published
 from mitsuba_restir.viewer.model import Settings, Side, effective, with_parameter
 from mitsuba_restir.viewer.pace import Pace
 from mitsuba_restir.viewer.reference import Reference
-from mitsuba_restir.viewer.session import LEASE, Published, Session
+from mitsuba_restir.viewer.session import LEASE, Session
 
 POSE = Pose((1.0, 2.0, 5.0), (0.5, 1.0, 0.0), (0.0, 1.0, 0.0), 50.0)
 

@@ -8,15 +8,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from ..imageio import Image
 from . import encode, pace, views
 from .camera import Pose
+from .exchange import Plots, Published, Task
 from .model import Settings
 from .pace import Pace
 from .reference import Reference, relmse, spectrum
 from .renderer import Renderer, Shot
 from .resting import SHOWN_FROM, Resting
-from .session import Plots, Published, Task
 from .views import VIEWS, Drawn
 
 SETTLED = 1.0
@@ -147,14 +146,14 @@ class Director:
         shots = _seen_as(settings, shots)
         reference = self._reference_of(shots[0].pose, shots[0].size)
         drawn = [_draw(shot, settings.exposure, reference) for shot in shots]
-        self._plot([shot.image for shot in shots], reference, [shot.passes for shot in shots])
+        self._plot(drawn, reference, [shot.passes for shot in shots])
         facts = {
             "state": "frozen" if settings.frozen else "moving" if task.moving else "live",
             "frames": self._frames,
             "ms": round(1e3 * sum(shot.seconds for shot in shots), 1),
             "compiled": sum(shot.compiled for shot in shots),
         }
-        return self._published(drawn, facts, [shot.image for shot in shots], reference)
+        return self._published(drawn, facts, reference)
 
     def _grown(self, task: Task) -> Published | None:
         """A still with one more frame; seldom shown, so that time is spent on its frames."""
@@ -179,15 +178,15 @@ class Director:
                 raise ValueError(VIEWS["error"].missing(side, None))
             drawn = views.error(image, reference)
         else:
-            drawn = Drawn(views.colour(image, task.settings.exposure))
-        self._plot([image], reference, self.plots.passes)
+            drawn = views.colour(image, task.settings.exposure)
+        self._plot([drawn], reference, self.plots.passes)
         facts = {
             "state": "still",
             "frames": still.frames,
             "error": round(still.error, 5),
             "ms": round(1e3 * still.seconds / max(still.frames, 1), 1),
         }
-        return self._published([drawn], facts, [image], reference)
+        return self._published([drawn], facts, reference)
 
     def _is_due(self, frames: int, settings: Settings) -> bool:
         """Whether a still of so many frames is worth a picture."""
@@ -216,22 +215,21 @@ class Director:
                 return reference
         return None
 
-    def _plot(self, images: list[Image], reference: Reference | None, passes: Any) -> None:
+    def _plot(self, drawn: list[Drawn], reference: Reference | None, passes: Any) -> None:
         now = self._clock()
         if now - self._plotted < BETWEEN_PLOTS:
             return
         self._plotted = now
         spectra = []
         if reference is not None:
-            spectra = [spectrum(views.relative_error(image, reference)) for image in images]
+            spectra = [
+                [] if each.image is None else spectrum(views.relative_error(each.image, reference))
+                for each in drawn
+            ]
         self.plots = Plots(tuple(passes), tuple(spectra))
 
     def _published(
-        self,
-        drawn: list[Drawn],
-        facts: dict[str, Any],
-        images: list[Image],
-        reference: Reference | None,
+        self, drawn: list[Drawn], facts: dict[str, Any], reference: Reference | None
     ) -> Published:
         quality = encode.RESTING if facts["state"] in ("still", "frozen") else encode.MOVING
         pictures = tuple(each.picture for each in drawn)
@@ -243,7 +241,10 @@ class Director:
             "scales": [each.scale for each in drawn],
         }
         if reference is not None:
-            facts["relmse"] = [float(f"{relmse(image, reference):.3g}") for image in images]
+            facts["relmse"] = [
+                None if each.image is None else float(f"{relmse(each.image, reference):.3g}")
+                for each in drawn
+            ]
             facts["reference"] = reference.name
         return Published(
             next(self._numbers),

@@ -6,7 +6,6 @@ import threading
 from collections.abc import Mapping
 from concurrent.futures import Future
 from html import escape
-from typing import Any
 
 import mitsuba as mi
 

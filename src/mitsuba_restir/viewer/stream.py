@@ -16,8 +16,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from . import camera, messages
 from .camera import Pose
+from .exchange import Published
 from .messages import Dolly, Drag, Fly, Home, Message, Seen
-from .session import Published, Session
+from .session import Session
 
 COMPLAINTS = 1.0
 """Seconds between two answers to what is no message."""

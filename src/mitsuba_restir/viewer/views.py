@@ -43,10 +43,13 @@ class Drawn:
     picture : array, (H, W, 3)
     scale : str
         Often nothing.
+    image : array, (H, W, 3), or None
+        The linear colour that it shows, or shows the error of.
     """
 
     picture: Picture
     scale: str = ""
+    image: Image | None = None
 
 
 @dataclass(frozen=True)
@@ -71,15 +74,16 @@ class View:
     still: bool = False
 
 
-def colour(image: Image, exposure: float) -> Picture:
+def colour(image: Image, exposure: float) -> Drawn:
     """Linear colour on the screen, brighter by so many stops."""
-    return to_srgb8(image * np.float32(2.0**exposure))
+    return Drawn(_displayed(image, exposure), image=image)
 
 
 def error(image: Image, reference: Reference) -> Drawn:
     """Relative error of the luminance: blue is too dark, red too bright."""
     relative = relative_error(image, reference)
-    return Drawn(diverging(relative / FULL_ERROR), "blue −100 %, white 0, red +100 %")
+    picture = diverging(relative / FULL_ERROR)
+    return Drawn(picture, "blue −100 %, white 0, red +100 %", image)
 
 
 def relative_error(image: Image, reference: Reference) -> FloatArray:
@@ -90,7 +94,7 @@ def relative_error(image: Image, reference: Reference) -> FloatArray:
 
 def _denoised(shot: Shot, exposure: float, _: Reference | None) -> Drawn:
     albedo, normal = (shot.auxiliary(kind) for kind in ("albedo", "sh_normal"))
-    return Drawn(colour(denoise_guided(shot.image, albedo, normal), exposure))
+    return colour(denoise_guided(shot.image, albedo, normal), exposure)
 
 
 def _normal(shot: Shot, *_: object) -> Drawn:
@@ -154,6 +158,10 @@ def _error(shot: Shot, _: float, reference: Reference | None) -> Drawn:
     return error(shot.image, reference)
 
 
+def _displayed(image: Image, exposure: float) -> Picture:
+    return to_srgb8(image * np.float32(2.0**exposure))
+
+
 def _heat(values: npt.NDArray[np.floating], unit: str) -> Drawn:
     values = np.nan_to_num(values, posinf=0.0)
     most = nice(float(values.max()))
@@ -194,11 +202,11 @@ def _without_reference(_: Side, reference: Reference | None) -> str:
 
 
 def _plain(shot: Shot, exposure: float, _: Reference | None) -> Drawn:
-    return Drawn(colour(shot.image, exposure))
+    return colour(shot.image, exposure)
 
 
 def _albedo(shot: Shot, *_: object) -> Drawn:
-    return Drawn(colour(shot.auxiliary("albedo"), 0.0))
+    return Drawn(_displayed(shot.auxiliary("albedo"), 0.0))
 
 
 VIEWS = {

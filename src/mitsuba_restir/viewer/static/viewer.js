@@ -104,7 +104,9 @@ const viewer = (() => {
         words.push(`${((pictures.length - 1) / seconds).toFixed(0)} frames/s`);
       }
     }
-    if (facts.relmse) words.push(`relMSE ${facts.relmse.join(" | ")}`);
+    if (facts.relmse?.some((error) => error !== null)) {
+      words.push(`relMSE ${facts.relmse.map((error) => error ?? "–").join(" | ")}`);
+    }
     if (facts.compiled) words.push(`${facts.compiled} kernels compiled`);
     if (viewer.leads === false) words.push("another browser has the camera");
     at("facts").innerHTML = words.map((word) => `<span>${word}</span>`).join("");
