@@ -320,8 +320,8 @@ def test_hostile_messages_do_not_stop_it(running: Running) -> None:
             for _ in range(100):
                 socket.send(text)
     # Vanished without a word.
-    vanished = client.connect(url + "stream", proxy=None)
-    vanished.socket.close()
+    with client.connect(url + "stream", proxy=None) as socket:
+        socket.socket.shutdown(2)
     assert _status(running.url + "screenshot.png?divider=nan") == 422
     assert _status(running.url + "screenshot.png?divider=0.1") == 200
     with client.connect(url + "stream", proxy=None) as socket:

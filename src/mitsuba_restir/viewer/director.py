@@ -130,10 +130,11 @@ class Director:
         settings = task.settings
         self._pace = pace.chosen(self._pace, self._sizes, settings.fps)
         size = self._sizes[self._pace.level if task.moving else 0]
+        timed = self._clock() - self._plotted >= BETWEEN_PLOTS
         shots: dict[tuple[object, ...], Shot] = {}
         for side in settings.shown:
             if side.rendered not in shots:
-                shots[side.rendered] = self._renderer.shoot(side, task.pose, size)
+                shots[side.rendered] = self._renderer.shoot(side, task.pose, size, timed)
         seconds = sum(shot.seconds for shot in shots.values())
         if not any(shot.compiled for shot in shots.values()) and self._frames > REHEARSED:
             self._pace = pace.measured(self._pace, size[0] * size[1], seconds)
@@ -149,6 +150,7 @@ class Director:
         self._plot(drawn, reference, [shot.passes for shot in shots])
         facts = {
             "state": "frozen" if settings.frozen else "moving" if task.moving else "live",
+            "camera": _place(shots[0].pose),
             "frames": self._frames,
             "ms": round(1e3 * sum(shot.seconds for shot in shots), 1),
             "compiled": sum(shot.compiled for shot in shots),
@@ -182,6 +184,7 @@ class Director:
         self._plot([drawn], reference, self.plots.passes)
         facts = {
             "state": "still",
+            "camera": _place(task.pose),
             "frames": still.frames,
             "error": round(still.error, 5),
             "ms": round(1e3 * still.seconds / max(still.frames, 1), 1),
@@ -200,7 +203,7 @@ class Director:
         side = task.settings.sides[0]
         if not self._renderer.knows(side, size):
             for _ in range(REHEARSED + 1):
-                self._renderer.shoot(side, task.pose, size)
+                self._renderer.shoot(side, task.pose, size, timed=False)
 
     def _keep(self) -> None:
         """Take the still as the reference of its view."""
@@ -226,7 +229,7 @@ class Director:
                 [] if each.image is None else spectrum(views.relative_error(each.image, reference))
                 for each in drawn
             ]
-        self.plots = Plots(tuple(passes), tuple(spectra))
+        self.plots = Plots(tuple(passes) if all(passes) else self.plots.passes, tuple(spectra))
 
     def _published(
         self, drawn: list[Drawn], facts: dict[str, Any], reference: Reference | None
@@ -267,3 +270,7 @@ def _draw(shot: Shot, exposure: float, reference: Reference | None) -> Drawn:
     if missing := view.missing(shot.side, reference):
         raise ValueError(missing)
     return view.draw(shot, exposure, reference)
+
+
+def _place(pose: Pose | None) -> list[float]:
+    return [] if pose is None else [round(value, 6) for value in (*pose.origin, *pose.target)]

@@ -49,7 +49,7 @@ class Shot:
     seconds : float
         It took.
     passes : mapping of str to float
-        Milliseconds by pass.
+        Milliseconds by pass; empty where they were not wanted.
     compiled : int
         Kernels that had to be compiled.
     """
@@ -124,9 +124,15 @@ class Renderer:
         self._before = self.home
         self._integrators: dict[tuple[Any, ...], Any] = {}
 
-    def shoot(self, side: Side, pose: Pose | None, size: Size) -> Shot:
+    def shoot(self, side: Side, pose: Pose | None, size: Size, timed: bool) -> Shot:
         """
         The next frame of a side.
+
+        Parameters
+        ----------
+        timed : bool
+            Whether its time by pass is wanted: to fetch the list of kernels takes a millisecond or
+            two. The first frame always has it.
 
         Raises
         ------
@@ -134,25 +140,22 @@ class Renderer:
             The integrator refuses its parameters, or the scene.
         """
         self.place(pose, size)
+        timed = timed or not self.knows(side, size)
         integrator = self._integrator(side, size)
+        # Always on: frames are recorded anew when a flag changes.
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             begin = time.perf_counter()
             film = integrator.render(self.scene, self.sensor, seed=self.seed, spp=side.spp)
             image = with_rgb(film, 0)
             seconds = time.perf_counter() - begin
-            history = dr.kernel_history([dr.KernelType.JIT])
+            history = dr.kernel_history([dr.KernelType.JIT]) if timed else []
         kernels = [(int(k["size"]), float(k["execution_time"])) for k in history]
-        return Shot(
-            side,
-            pose,
-            self._before,
-            image,
-            integrator.frame,
-            seconds,
-            timing.by_pass(kernels, size[0] * size[1], effective(side.parameters), CELLS),
-            sum(not k["cache_hit"] for k in history),
-        )
+        values = effective(side.parameters)
+        passes = timing.by_pass(kernels, size[0] * size[1], values, CELLS) if timed else {}
+        compiled = sum(not k["cache_hit"] for k in history)
+        frame = integrator.frame
+        return Shot(side, pose, self._before, image, frame, seconds, passes, compiled)
 
     def place(self, pose: Pose | None, size: Size) -> None:
         """Move the sensor, and give its film a size; a crop window keeps its place."""

@@ -246,6 +246,7 @@ const viewer = (() => {
 
   return {
     leads: null,
+    facts: () => facts,
     mode(name) {
       mode = name;
       for (const tool of ["orbit", "fly"]) light(tool, tool === name);
