@@ -8,7 +8,7 @@ const viewer = (() => {
     document.querySelector(`.toolbar [data-control="${name}"]`)?.classList.toggle("on", on);
   const held = new Set();
   let socket = null, facts = null, bitmaps = [], divider = 0.5, mode = "orbit";
-  let drag = null, pending = null, pictures = [], ticking = false, last = 0;
+  let drag = null, pending = null, pictures = [], ticking = false, last = 0, fast = 1;
 
   // ------------------------------ connection --------------------------------------------------
 
@@ -19,8 +19,14 @@ const viewer = (() => {
     socket.onmessage = ({ data }) => (typeof data === "string" ? note(JSON.parse(data)) : show(data));
     socket.onclose = () => {
       note({ status: "no connection", problem: "" });
-      setTimeout(connect, RETRY);
+      if (!document.hidden) setTimeout(connect, RETRY);
     };
+  }
+
+  // Nothing is rendered for a page that nobody sees.
+  function watch() {
+    if (document.hidden) socket.close();
+    else if (socket.readyState === WebSocket.CLOSED) connect();
   }
 
   function send(message) {
@@ -185,7 +191,6 @@ const viewer = (() => {
     if (event.key === "Shift") fast = 1;
   }
 
-  let fast = 1;
   const way = (plus, minus) => (held.has(plus) ? 1 : 0) - (held.has(minus) ? 1 : 0);
 
   // What has come together since the last frame of the browser's goes in one message.
@@ -238,6 +243,7 @@ const viewer = (() => {
     document.addEventListener("keyup", release);
     window.addEventListener("blur", () => held.clear());
     new ResizeObserver(place).observe(at("stage"));
+    document.addEventListener("visibilitychange", watch);
     viewer.mode("orbit");
     connect();
   }
