@@ -353,3 +353,21 @@ def test_the_worker_rests_where_there_is_nobody_and_nothing_new():
     assert not session._due()
     session.stop()
     assert session.task() is None
+
+
+# ------------------------------ what is logged --------------------------------------------------
+
+
+def test_a_thousand_complaints_are_a_line(capsys):
+    import logging
+
+    from mitsuba_restir.viewer.logs import Sparing
+
+    logger = logging.Logger("somebody")
+    logger.addHandler(Sparing())
+    for _ in range(1000):
+        try:
+            raise TypeError("two\nlines")
+        except TypeError:
+            logger.exception("not understood")
+    assert capsys.readouterr().err == "viewer: not understood: two lines\n"

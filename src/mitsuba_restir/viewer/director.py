@@ -66,7 +66,7 @@ class Director:
         self._shots: tuple[Shot, ...] = ()
         self._resting: Resting | None = None
         self._last: Task | None = None
-        self._rested = self._plotted = -1e9
+        self._rested = self._plotted = self._timed = -1e9
         self._drawn_as: Settings | None = None
         self._frames = 0
         self._finished = False
@@ -130,7 +130,8 @@ class Director:
         settings = task.settings
         self._pace = pace.chosen(self._pace, self._sizes, settings.fps)
         size = self._sizes[self._pace.level if task.moving else 0]
-        timed = self._clock() - self._plotted >= BETWEEN_PLOTS
+        timed = self._clock() - self._timed >= BETWEEN_PLOTS
+        self._timed = self._clock() if timed else self._timed
         shots: dict[tuple[object, ...], Shot] = {}
         for side in settings.shown:
             if side.rendered not in shots:

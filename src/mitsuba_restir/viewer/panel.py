@@ -117,10 +117,12 @@ class Panel:
             passes = ui.echart(plots.passes(())).classes("plot").props('data-control="passes"')
         with ui.expansion("Power spectrum of the error").classes("group plots").props("dense") as s:
             spectrum = ui.echart(plots.spectra(())).classes("plot").props('data-control="spectrum"')
-            ui.label("Needs a reference of this view: let it rest, then keep it.").classes("note")
+            note = ui.label("Needs a reference of this view: let it rest, then keep it.")
+            note.classes("note")
 
         def draw() -> None:
             shown = self._session.plots
+            note.set_visibility(not any(shown.spectra))
             for part, chart, options in (
                 (times, passes, plots.passes(shown.passes)),
                 (s, spectrum, plots.spectra(shown.spectra)),
