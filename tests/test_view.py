@@ -338,6 +338,10 @@ def test_the_worker_rests_where_there_is_nobody_and_nothing_new():
     session = _session()
     assert session.task() is not None
     assert session._due()  # there is no picture yet
+    session.pause()
+    assert not session._due()  # nor will there be one: the frame has failed
+    session.ask("reset")
+    assert session.task() is not None
     session.publish(Published(1, (), (), {}))
     assert not session._due()
     key = session.enter(lambda: None)
@@ -347,7 +351,7 @@ def test_the_worker_rests_where_there_is_nobody_and_nothing_new():
     session.ask("reset")
     task = session.task()
     assert task is not None
-    assert task.resets == 1
+    assert task.resets == 2
     assert session._due()
     session.leave(key, "a")
     assert not session._due()

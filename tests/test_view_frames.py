@@ -18,7 +18,7 @@ from mitsuba_restir.viewer.exchange import Task
 from mitsuba_restir.viewer.model import Settings, Side
 from mitsuba_restir.viewer.renderer import Renderer
 from mitsuba_restir.viewer.resting import SHOWN_FROM
-from mitsuba_restir.viewer.views import VIEWS, nice
+from mitsuba_restir.viewer.views import VIEWS, moved, nice
 
 SIZE = (32, 18)
 
@@ -51,7 +51,7 @@ def test_every_view_shows_something(rgb, view):
     director = _director(renderer)
     director.picture(_task(renderer, settings))
     pose = camera.orbit(renderer.home, 0.05, 0.02)
-    published = director.picture(_task(renderer, settings, pose=pose, moving=True))
+    published = director.picture(_task(renderer, settings, pose=pose))
     (picture,) = published.pictures
     assert picture.shape == (SIZE[1], SIZE[0], 3)
     assert picture.std() > 1
@@ -69,19 +69,14 @@ def test_motion_is_where_surfaces_were(rgb):
     """Against the integrator's own auxiliary image, which knows each pixel's place on the film."""
     renderer = _renderer()
     side = Side(view="motion")
-    shots = []
-    for pose in (renderer.home, camera.orbit(renderer.home, 0.05, 0.0)):
-        shots.append(renderer.shoot(side, pose, SIZE, timed=False))
-    positions = shots[1].auxiliary("position").astype(float)
-    flow = camera.project(shots[1].before, positions, SIZE) - camera.project(
-        shots[1].pose, positions, SIZE
-    )
-    renderer.place(renderer.home, SIZE)
+    poses = (renderer.home, camera.orbit(renderer.home, 0.05, 0.0))
+    shot = [renderer.shoot(side, pose, SIZE, timed=False) for pose in poses][-1]
+    flow = moved(replace(shot, before=poses[0]))
     own = mi.load_dict({"type": "restir_pt", "aovs": "motion"})
-    for pose in (renderer.home, shots[1].pose):
+    for pose in poses:
         renderer.place(pose, SIZE)
         image = np.array(own.render(renderer.scene, renderer.sensor, seed=0, spp=1))
-    hit = shots[1].auxiliary("depth")[..., 0] > 0
+    hit = shot.auxiliary("depth")[..., 0] > 0
     assert flow[hit] == pytest.approx(image[..., 3:][hit], abs=0.02)
     assert np.abs(flow[hit]).max() > 1
 

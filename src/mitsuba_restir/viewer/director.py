@@ -140,7 +140,10 @@ class Director:
         if not any(shot.compiled for shot in shots.values()) and self._frames > REHEARSED:
             self._pace = pace.measured(self._pace, size[0] * size[1], seconds)
         self._frames += 1
-        self._shots = tuple(replace(shots[side.rendered], side=side) for side in settings.shown)
+        before = self._shots[0].pose if self._shots else task.pose
+        self._shots = tuple(
+            replace(shots[side.rendered], side=side, before=before) for side in settings.shown
+        )
         return self._drawn(task, self._shots)
 
     def _drawn(self, task: Task, shots: tuple[Shot, ...]) -> Published:

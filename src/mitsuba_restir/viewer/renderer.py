@@ -40,8 +40,8 @@ class Shot:
     Attributes
     ----------
     side : Side
-    pose, before : Pose or None
-        Where the camera was, and where it was in the frame before.
+    pose : Pose or None
+        Where the camera was.
     image : array, (H, W, 3)
         Linear colour.
     frame : Frame
@@ -52,16 +52,18 @@ class Shot:
         Milliseconds by pass; empty where they were not wanted.
     compiled : int
         Kernels that had to be compiled.
+    before : Pose or None
+        Where the camera was in the frame before.
     """
 
     side: Side
     pose: Pose | None
-    before: Pose | None
     image: Image
     frame: Frame
     seconds: float
     passes: Mapping[str, float]
     compiled: int
+    before: Pose | None = None
 
     @property
     def size(self) -> Size:
@@ -102,6 +104,8 @@ class Renderer:
         Width and height of the film as it was given [pixels].
     home : Pose or None
         Where the camera was; None where the sensor cannot be moved.
+    radius : float
+        Of the scene.
     """
 
     def __init__(
@@ -121,7 +125,6 @@ class Renderer:
             self._matrix = np.array(matrix, dtype=np.float64).reshape(4, 4)
         self.home = self._home()
         self._placed: tuple[Size, Pose | None] = (self.full, self.home)
-        self._before = self.home
         self._integrators: dict[tuple[Any, ...], Any] = {}
 
     def shoot(self, side: Side, pose: Pose | None, size: Size, timed: bool) -> Shot:
@@ -155,12 +158,11 @@ class Renderer:
         passes = timing.by_pass(kernels, size[0] * size[1], values, CELLS) if timed else {}
         compiled = sum(not k["cache_hit"] for k in history)
         frame = integrator.frame
-        return Shot(side, pose, self._before, image, frame, seconds, passes, compiled)
+        return Shot(side, pose, image, frame, seconds, passes, compiled)
 
     def place(self, pose: Pose | None, size: Size) -> None:
         """Move the sensor, and give its film a size; a crop window keeps its place."""
         size_now, pose_now = self._placed
-        self._before = pose_now
         if (size, pose) == (size_now, pose_now):
             return
         if size != size_now:

@@ -49,10 +49,6 @@ class Resting:
         self._frames = Frames(subject, plan_of(side))
         self._begin()
 
-    def fits(self, side: Side, pose: Pose | None) -> bool:
-        """Whether it is of this side and camera, or can be made so."""
-        return pose == self.pose and side.rendered == self.side.rendered
-
     def restart(self, pose: Pose | None) -> None:
         """Begin anew, elsewhere, with what is recorded."""
         self.pose = pose

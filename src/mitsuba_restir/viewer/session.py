@@ -207,9 +207,10 @@ class Session:
         self._tell()
 
     def _due(self) -> bool:
-        if self._seen != self._state.revision or self.newest is None:
+        if self._seen != self._state.revision:
             return True
-        return self._state.watchers > 0 and not self._idle
+        # The first picture is made for nobody: whoever comes shall not wait.
+        return not self._idle and (self._state.watchers > 0 or self.newest is None)
 
     def _may_lead(self, client: str, now: float) -> bool:
         leader = self._state.leader
