@@ -117,13 +117,13 @@ def test_a_resting_camera_makes_a_still_and_that_a_reference(rgb):
     settings = Settings()
     director.picture(_task(renderer, settings))
     resting = _task(renderer, settings, rest=2 * SETTLED)
-    stills = [director.picture(resting) for _ in range(12)]
+    stills = [director.picture(resting) for _ in range(SHOWN_FROM + 8)]
     shown = [still for still in stills if still is not None]
     assert stills[: SHOWN_FROM - 1] == [None] * (SHOWN_FROM - 1)
-    assert shown[-1].facts["frames"] == 12
+    assert shown[-1].facts["frames"] == SHOWN_FROM + 8
     error = replace(resting, settings=settings.with_side(0, Side(view="error")), kept=1)
     facts = director.picture(error).facts
-    assert facts["reference"] == "12 frames"
+    assert facts["reference"] == f"{SHOWN_FROM + 8} frames"
     assert facts["relmse"][0] < 0.05
     (spectrum,) = director.plots.spectra
     assert all(power >= 0 for _, power in spectrum)
@@ -131,6 +131,8 @@ def test_a_resting_camera_makes_a_still_and_that_a_reference(rgb):
     away = replace(error, pose=camera.dolly(renderer.home, 0.1), rest=0.0)
     with pytest.raises(ValueError, match="no reference"):
         director.picture(away)
+    with pytest.raises(ValueError, match="no still"):
+        director.picture(replace(away, kept=2))
 
 
 def test_fewer_pixels_while_it_moves_and_all_at_rest(rgb):

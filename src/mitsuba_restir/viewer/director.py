@@ -91,7 +91,7 @@ class Director:
             self._resting = None
             self._frames = 0
         if before is not None and task.kept != before.kept:
-            self._keep()
+            self._keep(task.pose)
         stepped = before is None or task.steps != before.steps
         if task.settings.frozen and not stepped and self._shots:
             return self._drawn(task, self._shots)
@@ -169,8 +169,10 @@ class Director:
             self._rehearse(task)
             self._announce("compiling the still")
             resting = self._resting = Resting(self._renderer, side, task.pose)
+            self._announce("accumulating")
         elif resting.pose != task.pose:
             resting.restart(task.pose)
+            self._announce("accumulating")
         progress = resting.advance()
         self._finished = progress is None
         if progress is not None and not self._is_due(progress.frames, task.settings):
@@ -209,12 +211,13 @@ class Director:
             for _ in range(REHEARSED + 1):
                 self._renderer.shoot(side, task.pose, size, timed=False)
 
-    def _keep(self) -> None:
+    def _keep(self, pose: Pose | None) -> None:
         """Take the still as the reference of its view."""
-        if self._resting is None:
+        resting = self._resting
+        still = None if resting is None else resting.still(denoise=False)
+        if resting is None or still is None or resting.pose != pose or not still.image.any():
             raise ValueError("there is no still to keep as the reference: let the camera rest")
-        still = self._resting.still(denoise=False)
-        self._reference = Reference(still.image, self._resting.pose, f"{still.frames} frames")
+        self._reference = Reference(still.image, pose, f"{still.frames} frames")
 
     def _reference_of(self, pose: Pose | None, size: tuple[int, int]) -> Reference | None:
         for reference in (self._reference, self._given):

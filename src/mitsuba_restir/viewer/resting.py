@@ -17,7 +17,7 @@ from .renderer import Renderer
 ENOUGH = 0.003
 """Stated relative error at which the picture is left as it is."""
 
-SHOWN_FROM = 4
+SHOWN_FROM = 16
 """Frames of the first picture: with fewer, the frame with a history that it follows is better."""
 
 
