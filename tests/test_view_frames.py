@@ -131,7 +131,8 @@ def test_a_resting_camera_makes_a_still_and_that_a_reference(rgb):
     away = replace(error, pose=camera.dolly(renderer.home, 0.1), rest=0.0)
     with pytest.raises(ValueError, match="no reference"):
         director.picture(away)
-    with pytest.raises(ValueError, match="no still"):
+    # And none is made of the still that it left.
+    with pytest.raises(ValueError, match="no reference"):
         director.picture(replace(away, kept=2))
 
 

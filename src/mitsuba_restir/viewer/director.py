@@ -70,6 +70,7 @@ class Director:
         self._drawn_as: Settings | None = None
         self._frames = 0
         self._finished = False
+        self._errors: list[float | None] = []
 
     def picture(self, task: Task) -> Published | None:
         """
@@ -212,12 +213,12 @@ class Director:
                 self._renderer.shoot(side, task.pose, size, timed=False)
 
     def _keep(self, pose: Pose | None) -> None:
-        """Take the still as the reference of its view."""
-        resting = self._resting
-        still = None if resting is None else resting.still(denoise=False)
-        if resting is None or still is None or resting.pose != pose or not still.image.any():
-            raise ValueError("there is no still to keep as the reference: let the camera rest")
-        self._reference = Reference(still.image, pose, f"{still.frames} frames")
+        """Take the still, if there is one, as the reference of its view."""
+        if self._resting is None or self._resting.pose != pose:
+            return
+        still = self._resting.still(denoise=False)
+        if still.image.any():
+            self._reference = Reference(still.image, pose, f"{still.frames} frames")
 
     def _reference_of(self, pose: Pose | None, size: tuple[int, int]) -> Reference | None:
         for reference in (self._reference, self._given):
@@ -230,12 +231,13 @@ class Director:
         if now - self._plotted < BETWEEN_PLOTS:
             return
         self._plotted = now
-        spectra = []
+        spectra, self._errors = [], []
         if reference is not None:
-            spectra = [
-                [] if each.image is None else spectrum(views.relative_error(each.image, reference))
-                for each in drawn
-            ]
+            for each in drawn:
+                image = each.image
+                relative = None if image is None else views.relative_error(image, reference)
+                spectra.append([] if relative is None else spectrum(relative))
+                self._errors.append(None if image is None else relmse(image, reference))
         self.plots = Plots(tuple(passes) if all(passes) else self.plots.passes, tuple(spectra))
 
     def _published(
@@ -251,11 +253,8 @@ class Director:
             "scales": [each.scale for each in drawn],
         }
         if reference is not None:
-            facts["relmse"] = [
-                None if each.image is None else float(f"{relmse(each.image, reference):.3g}")
-                for each in drawn
-            ]
-            facts["reference"] = reference.name
+            # As of the last plots: they take as long as a small frame.
+            facts |= {"relmse": self._errors, "reference": reference.name}
         return Published(
             next(self._numbers),
             pictures,

@@ -9,7 +9,7 @@ from typing import Any
 from nicegui import ui
 
 from ..integrators.presets import PRESETS
-from . import controls, plots
+from . import charts, controls
 from .command import Subject
 from .controls import Control
 from .model import Settings, Side, with_parameter
@@ -18,9 +18,6 @@ from .views import VIEWS
 
 REFRESH = 0.2
 """Seconds between two looks at what others have changed."""
-
-PLOTTED = 1.0
-"""Seconds between two sets of plots."""
 
 
 class Panel:
@@ -48,7 +45,7 @@ class Panel:
             self._picture()
             self._sides()
             self._parameters()
-            self._plots()
+            charts.build(self._session)
         self._refresh()
         ui.timer(REFRESH, self._refresh)
 
@@ -74,7 +71,7 @@ class Panel:
             )
             with ui.element("div").classes("line"):
                 ui.label("Reference").classes("name")
-                ui.button("Keep this still", on_click=lambda: self._session.ask("keep")).props(
+                ui.button("Keep this still", on_click=self._keep).props(
                     'flat dense no-caps data-control="keep"'
                 ).tooltip("Errors and spectra are of this view against it.")
 
@@ -109,30 +106,6 @@ class Panel:
                     self._number("Candidates a pixel (spp)", 1, 4096, _spp, _with_spp)
                 for control in found:
                     self._control(control)
-
-    def _plots(self) -> None:
-        with (
-            ui.expansion("Time by pass", value=True).classes("group plots").props("dense") as times
-        ):
-            passes = ui.echart(plots.passes(())).classes("plot").props('data-control="passes"')
-        with ui.expansion("Power spectrum of the error").classes("group plots").props("dense") as s:
-            spectrum = ui.echart(plots.spectra(())).classes("plot").props('data-control="spectrum"')
-            note = ui.label("Needs a reference of this view: let it rest, then keep it.")
-            note.classes("note")
-
-        def draw() -> None:
-            shown = self._session.plots
-            note.set_visibility(not any(shown.spectra))
-            for part, chart, options in (
-                (times, passes, plots.passes(shown.passes)),
-                (s, spectrum, plots.spectra(shown.spectra)),
-            ):
-                if part.value and chart.options != options:
-                    chart.options.clear()
-                    chart.options.update(options)
-                    chart.update()
-
-        ui.timer(PLOTTED, draw)
 
     # ------------------------------ controls --------------------------------------------------
 
@@ -263,6 +236,14 @@ class Panel:
         return line
 
     # ------------------------------ state -----------------------------------------------------
+
+    def _keep(self) -> None:
+        newest = self._session.newest
+        if newest is None or newest.facts["state"] != "still":
+            ui.notify("There is no still yet: let the camera rest.", type="warning")
+            return
+        self._session.ask("keep")
+        ui.notify(f"Kept as the reference: {newest.facts['frames']} frames or more.")
 
     @property
     def _side(self) -> Side:
