@@ -136,6 +136,19 @@ def test_a_resting_camera_makes_a_still_and_that_a_reference(rgb):
         director.picture(replace(away, kept=2))
 
 
+def test_a_frozen_still_stays(rgb):
+    renderer = _renderer()
+    director = _director(renderer)
+    resting = _task(renderer, Settings(), rest=2 * SETTLED)
+    director.picture(_task(renderer, Settings()))
+    still = [director.picture(resting) for _ in range(SHOWN_FROM)][-1]
+    frozen = director.picture(replace(resting, settings=Settings(frozen=True)))
+    assert frozen.facts["state"] == "frozen"
+    assert (frozen.pictures[0] == still.pictures[0]).all()
+    assert director.done
+    assert director.picture(resting).facts["frames"] == SHOWN_FROM + 1
+
+
 def test_fewer_pixels_while_it_moves_and_all_at_rest(rgb):
     renderer = _renderer()
     director = _director(renderer)

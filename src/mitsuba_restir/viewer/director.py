@@ -14,7 +14,7 @@ from .exchange import Plots, Published, Task
 from .model import Settings
 from .pace import Pace
 from .reference import Reference, relmse, spectrum
-from .renderer import Renderer, Shot
+from .renderer import RECORDED, Renderer, Shot
 from .resting import SHOWN_FROM, Resting
 from .views import VIEWS, Drawn
 
@@ -23,9 +23,6 @@ SETTLED = 1.0
 
 BETWEEN_STILLS, BETWEEN_PLOTS = 0.3, 0.5
 """Seconds between two pictures of a still, and between two sets of plots."""
-
-REHEARSED = 2
-"""Frames after which the first moving frame is as fast as all others."""
 
 
 class Director:
@@ -69,7 +66,7 @@ class Director:
         self._rested = self._plotted = self._timed = -1e9
         self._drawn_as: Settings | None = None
         self._frames = 0
-        self._finished = False
+        self._finished = self._stands = False
         self._errors: list[float | None] = []
 
     def picture(self, task: Task) -> Published | None:
@@ -95,7 +92,7 @@ class Director:
             self._keep(task.pose)
         stepped = before is None or task.steps != before.steps
         if task.settings.frozen and not stepped and self._shots:
-            return self._drawn(task, self._shots)
+            return self._frozen(task)
         if self._accumulates(task):
             return self._grown(task)
         return self._live(task)
@@ -138,9 +135,10 @@ class Director:
             if side.rendered not in shots:
                 shots[side.rendered] = self._renderer.shoot(side, task.pose, size, timed)
         seconds = sum(shot.seconds for shot in shots.values())
-        if not any(shot.compiled for shot in shots.values()) and self._frames > REHEARSED:
+        if all(shot.warm for shot in shots.values()):
             self._pace = pace.measured(self._pace, size[0] * size[1], seconds)
         self._frames += 1
+        self._stands = False
         before = self._shots[0].pose if self._shots else task.pose
         self._shots = tuple(
             replace(shots[side.rendered], side=side, before=before) for side in settings.shown
@@ -162,6 +160,13 @@ class Director:
         }
         return self._published(drawn, facts, reference)
 
+    def _frozen(self, task: Task) -> Published:
+        """What was shown, still or frame, as settings show it now."""
+        view, resting = VIEWS[task.settings.sides[0].view], self._resting
+        if self._stands and resting is not None and view.still and not task.settings.compare:
+            return self._stood(task, resting)
+        return self._drawn(task, self._shots)
+
     def _grown(self, task: Task) -> Published | None:
         """A still with one more frame; seldom shown, so that time is spent on its frames."""
         side = task.settings.sides[0]
@@ -178,9 +183,15 @@ class Director:
         self._finished = progress is None
         if progress is not None and not self._is_due(progress.frames, task.settings):
             return None
+        return self._stood(task, resting)
+
+    def _stood(self, task: Task, resting: Resting) -> Published:
+        """A still as it is now."""
+        side = task.settings.sides[0]
+        self._stands = True
         still = resting.still(denoise=side.view == "denoised")
         self._rested, self._drawn_as = self._clock(), task.settings
-        reference = self._reference_of(task.pose, self._renderer.full)
+        reference = self._reference_of(resting.pose, self._renderer.full)
         image = still.image if still.denoised is None else still.denoised
         if side.view == "error":
             if reference is None:
@@ -190,8 +201,8 @@ class Director:
             drawn = views.colour(image, task.settings.exposure)
         self._plot([drawn], reference, self.plots.passes)
         facts = {
-            "state": "still",
-            "camera": _place(task.pose),
+            "state": "frozen" if task.settings.frozen else "still",
+            "camera": _place(resting.pose),
             "frames": still.frames,
             "error": round(still.error, 5),
             "ms": round(1e3 * still.seconds / max(still.frames, 1), 1),
@@ -209,7 +220,7 @@ class Director:
         size = self._sizes[pace.chosen(self._pace, self._sizes, task.settings.fps).level]
         side = task.settings.sides[0]
         if not self._renderer.knows(side, size):
-            for _ in range(REHEARSED + 1):
+            for _ in range(RECORDED):
                 self._renderer.shoot(side, task.pose, size, timed=False)
 
     def _keep(self, pose: Pose | None) -> None:

@@ -7,6 +7,7 @@ on and off again goes on where it was. All of it belongs to the worker's thread.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -31,6 +32,9 @@ Size = tuple[int, int]
 KEPT = 4
 """Pictures in full size whose worth of pixels integrators may keep histories of."""
 
+RECORDED = 2
+"""Frames in which an integrator records: the first has no history."""
+
 
 @dataclass(frozen=True)
 class Shot:
@@ -52,6 +56,8 @@ class Shot:
         Milliseconds by pass; empty where they were not wanted.
     compiled : int
         Kernels that had to be compiled.
+    warm : bool
+        Whether all was recorded before, so that the next one takes as long.
     before : Pose or None
         Where the camera was in the frame before.
     """
@@ -63,6 +69,7 @@ class Shot:
     seconds: float
     passes: Mapping[str, float]
     compiled: int
+    warm: bool
     before: Pose | None = None
 
     @property
@@ -126,6 +133,7 @@ class Renderer:
         self.home = self._home()
         self._placed: tuple[Size, Pose | None] = (self.full, self.home)
         self._integrators: dict[tuple[Any, ...], Any] = {}
+        self._frames: Counter[Any] = Counter()
 
     def shoot(self, side: Side, pose: Pose | None, size: Size, timed: bool) -> Shot:
         """
@@ -157,8 +165,9 @@ class Renderer:
         values = effective(side.parameters)
         passes = timing.by_pass(kernels, size[0] * size[1], values, CELLS) if timed else {}
         compiled = sum(not k["cache_hit"] for k in history)
-        frame = integrator.frame
-        return Shot(side, pose, image, frame, seconds, passes, compiled)
+        self._frames[integrator] += 1
+        warm = self._frames[integrator] > RECORDED
+        return Shot(side, pose, image, integrator.frame, seconds, passes, compiled, warm)
 
     def place(self, pose: Pose | None, size: Size) -> None:
         """Move the sensor, and give its film a size; a crop window keeps its place."""
@@ -203,7 +212,8 @@ class Renderer:
         """Drop the integrators that were used longest ago."""
         room = KEPT * self.full[0] * self.full[1] - size[0] * size[1]
         while self._integrators and sum(w * h for _, (w, h) in self._integrators) > room:
-            del self._integrators[next(iter(self._integrators))]
+            oldest = self._integrators.pop(next(iter(self._integrators)))
+            del self._frames[oldest]
 
     def _home(self) -> Pose | None:
         """Where the sensor is; its orbit goes around what is in the middle of the picture."""

@@ -229,9 +229,9 @@ class Session:
             listener()
 
 
-def _rendered(settings: Settings) -> tuple[object, ...]:
+def _rendered(settings: Settings) -> list[tuple[object, ...]]:
     """What frames depend on; the rest is only how they are shown."""
-    return settings.frozen, [side.rendered for side in settings.shown]
+    return [side.rendered for side in settings.shown]
 
 
 def with_setting(session: Session, **changes: Any) -> None:
