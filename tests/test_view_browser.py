@@ -20,6 +20,7 @@ import pytest
 from PIL import Image
 from support.viewer import Running, viewer
 
+from benchmarks import viewer as benchmark
 from mitsuba_restir.cli import main
 
 pytest.importorskip("nicegui", reason="the viewer needs pip install 'mitsuba-restir[view]'")
@@ -371,6 +372,14 @@ def test_without_nicegui_it_says_what_to_install(
     monkeypatch.setattr("mitsuba_restir.cli.view.importlib.util.find_spec", lambda name: None)
     assert main(["view"]) == 2
     assert "mitsuba-restir[view]" in capsys.readouterr().err
+
+
+def test_the_benchmark_measures() -> None:
+    with benchmark.started("cornell", "32x18", 0) as started:
+        rate, latencies = benchmark.received(started, 0.3)
+        assert rate > 1
+        assert 0 < min(latencies) <= max(latencies) < 10
+        assert not started.resident() < 50
 
 
 NOTEBOOK = """
