@@ -71,7 +71,7 @@ def started(scene: str, size: str, fps: int) -> Iterator[Viewer]:
         yield Viewer(process, found[0], begin)
     finally:
         process.terminate()
-        process.wait()
+        process.communicate()
 
 
 class Client:
