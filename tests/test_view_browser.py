@@ -186,7 +186,7 @@ def test_frozen_frames_come_one_by_one(page: Any) -> None:
     page.wait_for_timeout(300)
     assert _number(page) == number
     page.keyboard.press(".")
-    _wait_for_next(page)
+    _until(page, lambda: _number(page) > number)
     page.keyboard.press(" ")
     _until(page, lambda: "frozen" not in page.inner_text("#facts"))
 
