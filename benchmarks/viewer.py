@@ -88,10 +88,10 @@ class Client:
         """Orbit a little."""
         self.send(type="drag", how="orbit", dx=step, dy=0.0)
 
-    def picture(self) -> dict[str, Any]:
+    def picture(self, patience: float = PATIENCE) -> dict[str, Any]:
         """The facts of the next picture, which counts as seen."""
         while True:
-            data = self._socket.recv(PATIENCE)
+            data = self._socket.recv(patience)
             if isinstance(data, bytes):
                 (length,) = struct.unpack_from("<I", data)
                 facts: dict[str, Any] = json.loads(data[4 : 4 + length])
@@ -203,10 +203,11 @@ def memory(scene: str, size: str, minutes: float) -> list[float]:
     with started(scene, size, 15) as viewer, connected(viewer) as client:
         begin = time.perf_counter()
         while (spent := time.perf_counter() - begin) < 60 * minutes:
-            # Half of the time the camera rests, and a still grows.
+            # Half of the time the camera rests, and a still grows, or is finished.
             if spent % 20 < 10:
-                client.turn()
-            client.picture()
+                client.turn(STEP if spent % 40 < 20 else -STEP)
+            with contextlib.suppress(TimeoutError):
+                client.picture(1.0)
             if spent >= 60 * len(found):
                 found.append(viewer.resident())
         found.append(viewer.resident())

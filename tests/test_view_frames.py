@@ -18,6 +18,7 @@ from mitsuba_restir.viewer.exchange import Task
 from mitsuba_restir.viewer.model import Settings, Side
 from mitsuba_restir.viewer.renderer import Renderer
 from mitsuba_restir.viewer.resting import SHOWN_FROM
+from mitsuba_restir.viewer.stream import packed
 from mitsuba_restir.viewer.views import VIEWS, moved, nice
 
 SIZE = (32, 18)
@@ -134,6 +135,17 @@ def test_a_resting_camera_makes_a_still_and_that_a_reference(rgb):
     # And none is made of the still that it left.
     with pytest.raises(ValueError, match="no reference"):
         director.picture(replace(away, kept=2))
+
+
+def test_a_black_still_is_said_in_json(rgb):
+    renderer = _renderer()
+    director = _director(renderer)
+    # Behind the back wall, which is black from there.
+    away = replace(renderer.home, origin=(0.0, 0.95, -9.0), target=(0.0, 0.95, -1.2))
+    resting = _task(renderer, Settings(), pose=away, rest=2 * SETTLED)
+    shown = [director.picture(resting) for _ in range(SHOWN_FROM)][-1]
+    assert shown.facts["error"] is None
+    assert b"Infinity" not in packed(shown)
 
 
 def test_a_frozen_still_stays(rgb):

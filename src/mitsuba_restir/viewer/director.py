@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -204,7 +205,8 @@ class Director:
             "state": "frozen" if task.settings.frozen else "still",
             "camera": _place(resting.pose),
             "frames": still.frames,
-            "error": round(still.error, 5),
+            # JSON has no infinity, which a black picture's is.
+            "error": round(still.error, 5) if math.isfinite(still.error) else None,
             "ms": round(1e3 * still.seconds / max(still.frames, 1), 1),
         }
         return self._published([drawn], facts, reference)

@@ -34,7 +34,7 @@ def packed(published: Published) -> bytes:
     """A picture as one message: the length of its facts, the facts as JSON, and the parts."""
     sizes = [len(part) for part in published.parts]
     facts = {**published.facts, "number": published.number, "sizes": sizes}
-    head = json.dumps(facts).encode()
+    head = json.dumps(facts, allow_nan=False).encode()
     return struct.pack("<I", len(head)) + head + b"".join(published.parts)
 
 

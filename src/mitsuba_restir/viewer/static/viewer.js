@@ -103,7 +103,8 @@ const viewer = (() => {
     const seconds = (pictures[pictures.length - 1] - pictures[0]) / 1000;
     const words = [`<b>${facts.state}</b>`, `${facts.width} × ${facts.height}`];
     if (facts.state === "still") {
-      words.push(`${facts.frames} frames`, `error ${(100 * facts.error).toPrecision(2)} %`);
+      words.push(`${facts.frames} frames`);
+      if (facts.error !== null) words.push(`error ${(100 * facts.error).toPrecision(2)} %`);
     } else {
       words.push(`${facts.ms} ms a frame`);
       if (pictures.length > 2 && facts.state !== "frozen") {
