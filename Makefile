@@ -2,18 +2,22 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+WORKERS ?= auto
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-long lint types install clean
+.PHONY: demo test test-long test-notebooks lint types docs figures dist install clean
 
 demo: $(STAMP)
 	$(BIN)/mitsuba-restir compare ajar --equal-time 4 -o out/demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist worksteal $(ARGS)
 
 test-long: $(STAMP)
 	$(BIN)/python -m pytest -m long $(ARGS)
+
+test-notebooks: $(STAMP)
+	$(BIN)/python -m pytest -m notebooks $(ARGS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -21,6 +25,17 @@ lint: $(STAMP)
 
 types: $(STAMP)
 	$(BIN)/mypy
+
+docs: $(STAMP)
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
+figures: $(STAMP)
+	$(BIN)/python docs/teaser.py
+	$(BIN)/python docs/run_notebooks.py
+	$(BIN)/python docs/growth.py
+
+dist: $(STAMP)
+	$(BIN)/python docs/try_wheel.py
 
 install: $(STAMP)
 
@@ -33,4 +48,4 @@ $(STAMP): pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) out
+	rm -rf $(VENV) out docs/_build dist

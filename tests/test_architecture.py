@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "mitsuba_restir"
 Sources = dict[PurePosixPath, str]
 """Text of each module, by its path in the package."""
 
-COMMON = ("errors", "imageio", "cache", "arrays")
+COMMON = ("errors", "imageio", "cache", "arrays", "transforms", "curves")
 """Modules that all rooms may import."""
 
 FACTS = ("llvm", "camera_path", "scene_files")
@@ -49,6 +49,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "imageio": ("errors",),
     "cache": ("errors",),
     "arrays": ("errors", "imageio"),
+    "transforms": (),
+    "curves": (),
     "llvm": (),
     "camera_path": COMMON,
     "scene_files": (*COMMON, "scenes"),

@@ -1,7 +1,5 @@
 """Camera paths: interpolation, and what is refused."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -29,15 +27,6 @@ def test_seconds_become_frames():
     assert camera_path.from_data({"fps": 10, "keyframes": [START, late]}).length == 21
 
 
-def test_json_and_toml_are_the_same(tmp_path):
-    (tmp_path / "a.json").write_text(json.dumps({"keyframes": [START]}))
-    (tmp_path / "a.toml").write_text(
-        "[[keyframes]]\nframe = 0\norigin = [0, 0, 0]\ntarget = [0, 0, 1]\nfov = 40\n"
-    )
-    one, two = (camera_path.load(tmp_path / name) for name in ("a.json", "a.toml"))
-    np.testing.assert_array_equal(one.vectors, two.vectors)
-
-
 @pytest.mark.parametrize(
     ("data", "word"),
     [
@@ -61,10 +50,3 @@ def test_json_and_toml_are_the_same(tmp_path):
 def test_wrong_keyframes_are_refused(data, word):
     with pytest.raises(UsageError, match=word):
         camera_path.from_data(data)
-
-
-@pytest.mark.parametrize(("name", "text"), [("a.json", "{"), ("a.toml", "= 3"), ("a.yaml", "")])
-def test_wrong_files_are_refused(tmp_path, name, text):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(UsageError, match=name):
-        camera_path.load(tmp_path / name)

@@ -2,6 +2,7 @@
 
 import ctypes.util
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from mitsuba_restir import llvm
+from mitsuba_restir.cli import machine
 from mitsuba_restir.cli.doctor import diagnose, install_llvm_command
 from mitsuba_restir.cli.probe import Probe
 
@@ -111,6 +113,25 @@ def test_doctor_finds_this_installation_ready():
     assert result.returncode == 0, result.stdout + result.stderr
     assert "Ready." in result.stdout
     assert "restir_pt" in result.stdout
+    said = dict.fromkeys(line.split(maxsplit=1)[0] for line in result.stdout.splitlines())
+    assert {"machine", "frame", "optional"} <= set(said)
+    assert re.search(r"^machine   \d+ cores, [\d.]+ GiB of memory$", result.stdout, re.M)
+    assert re.search(r"^frame     1280x720: about [\d.e+]+ s, 0\.44 GiB", result.stdout, re.M)
+    for name in ("OIDN", "FLIP", "tev", "Chromium", "nicegui", "av"):
+        assert re.search(rf"^optional  {name} \(.*\): (yes|no: .+)$", result.stdout, re.M)
+
+
+def test_what_is_missing_comes_with_what_to_do(monkeypatch):
+    monkeypatch.setattr(machine.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(machine.shutil, "which", lambda name: None)
+    assert [extra.there for extra in machine.extras()] == [False] * 8
+    assert all(extra.remedy for extra in machine.extras())
+
+
+def test_the_time_of_a_frame_grows_as_its_pixels():
+    assert machine.frame_seconds(0.1, (320, 180)) == pytest.approx(1.6)
+    assert machine.memory() is None or machine.memory() > 2**28
+    assert machine.cores() >= 1
 
 
 @pytest.mark.parametrize("path", ["/nonsense/libLLVM.so", ctypes.util.find_library("c")])

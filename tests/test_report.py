@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image as Pillow
+from PIL import ImageFont
 from scipy import ndimage
 
 import mitsuba_restir.studies.runner as runner
@@ -33,7 +34,7 @@ from mitsuba_restir.studies.report.headline import headline, percent, short
 from mitsuba_restir.studies.report.page import _smallest_png
 from mitsuba_restir.studies.report.pictures import galleries, shown_of
 from mitsuba_restir.studies.report.spectra import mask_pictures, mutation_pictures
-from mitsuba_restir.studies.report.strips import CROP, crop_of
+from mitsuba_restir.studies.report.strips import CROP, crop_of, strip, wrapped
 from mitsuba_restir.studies.runs.rendering import Renderer
 from mitsuba_restir.studies.runs.results import ReferenceImage, Run
 
@@ -134,6 +135,29 @@ def test_maps_have_the_colours_they_say() -> None:
     assert colours[2][0] > colours[2][2]
     brightness = sequential(np.linspace(0.0, 1.0, 9)[None])[0].astype(int).sum(axis=1)
     assert np.all(np.diff(brightness) > 0)
+
+
+@pytest.mark.parametrize(
+    "label", ["path", "path_without_light_sampling", "a" * 60, "RMSE, displayed 0.0764", "_" * 50]
+)
+def test_labels_of_the_strip_are_broken_and_never_cut(label: str) -> None:
+    font = ImageFont.load_default(13)
+    lines = wrapped(label, font, 128)
+    assert "".join(lines) == label
+    assert max(font.getlength(line.rstrip()) for line in lines) <= 128
+
+
+def test_labels_of_the_strip_stay_within_their_columns() -> None:
+    names = ("path_without_light_sampling", "spatiotemporal_with_energy_updated")
+    image = np.full((16, 32, 3), 0.5, dtype=np.float32)
+    runs = {name: [Run(image, image, np.zeros(1))] for name in names}
+    data = Measured("32x16", runs, names[0], {}, None, 0.01, 0.0)
+    picture = strip(data, shown_of(data), {}, dict.fromkeys(names, "a caption that is too long"))
+    # What is between the columns is white from top to bottom.
+    gap = picture[:, 96 + 128 : 96 + 128 + 6]
+    assert picture.shape[1] == 96 + 2 * (128 + 6)
+    assert np.all(gap == 255)
+    assert np.any(picture[:40, 96 : 96 + 128] != 255)
 
 
 def test_a_bias_is_seen(tmp_path: Path) -> None:

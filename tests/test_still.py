@@ -485,7 +485,7 @@ def pilots(monkeypatch) -> list[np.ndarray]:
     """Have the pilot be quick and remember its frames: three of two plans."""
     seen: list[np.ndarray] = []
 
-    def quick(begin: Callable[[Plan], Any], seconds: float | None) -> Choice:
+    def quick(begin: Callable[[Plan], Any], seconds: float | None, others: Any) -> Choice:
         for plan in (BARE, MIXED):
             render = begin(plan)
             seen.extend(render(plan.spp) for _ in range(3))

@@ -7,11 +7,13 @@ import pytest
 
 from mitsuba_restir.still.pilot import (
     ALONE,
+    DENOISED,
     LONGEST,
-    OTHERS,
+    RAW,
     SHARE,
     Choice,
     Measured,
+    Trial,
     choose,
     error,
     pilot,
@@ -32,10 +34,19 @@ class Studio:
         That a tree takes; reuse takes that of four.
     tail : float
         Share of the pixels in which a frame finds most of its light; 1 for no tail.
+    offset : float
+        Mean, less what is missing where that light is not found.
     """
 
-    def __init__(self, variances: dict[str, float], seconds: float = 0.02, tail: float = 1) -> None:
+    def __init__(
+        self,
+        variances: dict[str, float],
+        seconds: float = 0.02,
+        tail: float = 1,
+        offset: float = 2,
+    ) -> None:
         self.variances, self.seconds, self.tail = variances, seconds, tail
+        self.offset = offset
         self.now = 0.0
         self.rendered: list[str] = []
         self.rng = np.random.default_rng(8)
@@ -53,8 +64,9 @@ class Studio:
             found = self.rng.random(SHAPE) < self.tail
             light = found * self.rng.exponential(1 / self.tail, SHAPE) - 1
             light *= np.sqrt(1 / trees)
-            frame = np.repeat((2 + scale * light)[None], estimates, axis=0)
-            frame[0] = 2 + alone * light
+            frame = np.repeat((self.offset + scale * light)[None], estimates, axis=0)
+            if plan.mixes:
+                frame[0] = self.offset + alone * light
             return frame
 
         return render
@@ -62,17 +74,17 @@ class Studio:
     def clock(self) -> float:
         return self.now
 
-    def pilot(self, seconds: float | None) -> Choice:
-        return pilot(self.begin, seconds, self.clock)
+    def pilot(self, seconds: float | None, trial: Trial = RAW) -> Choice:
+        return pilot(self.begin, seconds, trial, self.clock)
 
 
-@pytest.mark.parametrize("best", [ALONE, *OTHERS])
+@pytest.mark.parametrize("best", [ALONE, *RAW.lit])
 @pytest.mark.parametrize("tail", [1, 0.02])
 def test_the_best_plan_is_found(best, tail):
     """With a fifth of the variance of the others, be the tails light or heavy."""
     choice = Studio({best: 0.2}, 0.01, tail).pilot(None)
     assert choice.plan.name == best
-    assert f"{OTHERS[0] if best != OTHERS[0] else OTHERS[1]} " in choice.why
+    assert f"{RAW.lit[0] if best != RAW.lit[0] else RAW.lit[1]} " in choice.why
     assert "\n" not in choice.why
 
 
@@ -87,10 +99,18 @@ def test_a_pilot_is_short(seconds):
     assert choice.seconds <= max(limit, 0.1 + 4 * studio.seconds) + 3 * frame
 
 
+@pytest.mark.parametrize("best", [ALONE, *DENOISED.lit])
+def test_before_a_denoiser_the_guide_has_to_pay(best):
+    choice = Studio({best: 0.5}, 0.01).pilot(10.0, DENOISED)
+    assert choice.plan.name == best
+
+
 def test_without_time_nothing_is_compared():
-    choice = Studio({ALONE: 1e-3}).pilot(0.5)
-    assert choice.plan.name == OTHERS[0]
-    assert "no time" in choice.why
+    for trial, lit, dark in ((RAW, "rounds", "rounds_guided"), (DENOISED, ALONE, *DENOISED.dark)):
+        for plan, offset in ((lit, 2.0), (dark, 0.0)):
+            choice = Studio({ALONE: 1e-3}, tail=0.02, offset=offset).pilot(0.5, trial)
+            assert choice.plan.name == plan
+            assert "no time" in choice.why
 
 
 def test_time_counts():
@@ -122,4 +142,6 @@ def test_without_light_there_is_a_plan():
 
 
 def test_plans_that_are_tried_exist():
-    assert {ALONE, *OTHERS} <= PLANS.keys()
+    assert {ALONE, *RAW.lit, *DENOISED.lit} <= PLANS.keys()
+    assert set(RAW.lit) == set(RAW.dark)
+    assert set(DENOISED.lit) == set(DENOISED.dark)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
-from mitsuba_restir.errors import UsageError
 from mitsuba_restir.integrators.parameters import PARAMETERS
 from mitsuba_restir.still.plan import PLANNED, PLANS, parse
 
@@ -44,12 +45,9 @@ def test_values_are_a_plan():
     ],
 )
 def test_other_words_are_refused(text, said):
-    with pytest.raises(UsageError) as error:
+    with pytest.raises(ValueError, match=re.escape(said)) as error:
         parse(text)
-    message = str(error.value)
-    assert message.startswith("argument --plan: ")
-    assert said in message
-    assert "\n" not in message
+    assert "\n" not in str(error.value)
 
 
 def test_a_plan_can_set_what_is_unbiased_and_independent():

@@ -32,6 +32,7 @@ from mitsuba_restir.studies import load_study, packaged_studies, run_study
 from mitsuba_restir.studies.config.files import dump_study
 from mitsuba_restir.studies.config.study import Reference, Study, Variant
 from mitsuba_restir.studies.config.tables import from_table, to_table
+from mitsuba_restir.studies.measure.asked import check_quantities
 from mitsuba_restir.studies.measure.probes import GUIDED, GUIDED_TRIMMED
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.report.words import facts
@@ -169,6 +170,7 @@ def test_packaged_studies_are_sound(name: str) -> None:
     study = load_study(name)
     assert study.name == name
     assert load_study(name, ["runs=7"]).runs == 7
+    check_quantities(study)
 
 
 def test_a_study_has_the_keys_of_its_base(study: Study, tmp_path: Path) -> None:

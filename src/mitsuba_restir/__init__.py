@@ -14,6 +14,8 @@ from typing import Any as _Any
 
 from .errors import root as _root
 
+__all__ = ["__version__"]
+
 __version__ = "0.1.0"
 
 _imported_first = "drjit" not in _sys.modules

@@ -1,27 +1,20 @@
-"""Camera paths: keyframes from a JSON or TOML file, interpolated per frame."""
+"""Camera paths: keyframes of a view, interpolated per frame."""
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from .errors import UsageError, one_line
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from . import curves
+from .errors import UsageError
 
 DEFAULT_FPS = 24.0
 _KEYS = ("frame", "time", "origin", "target", "up", "fov")
-_TOP_KEYS = ("fps", "keyframes")
+_TOP_KEYS = ("fps", "interpolation", "keyframes")
 _VANISHED = 1e-6  # of what the keyframes have: what rounding leaves of a view that cancels
 
 
@@ -47,7 +40,7 @@ class Pose:
 @dataclass(frozen=True)
 class CameraPath:
     """
-    Keyframes with linear interpolation between them; the ends are held.
+    Keyframes of a view and what is between them; the ends are held.
 
     Fields
     ------
@@ -57,11 +50,14 @@ class CameraPath:
         Origin, target and up of each keyframe.
     fovs : array, (K,), or None
         Horizontal field of view in degrees.
+    interpolation : str
+        One of :data:`mitsuba_restir.curves.INTERPOLATIONS`.
     """
 
     frames: npt.NDArray[np.float64]
     vectors: npt.NDArray[np.float64]
     fovs: npt.NDArray[np.float64] | None
+    interpolation: str = "smooth"
 
     @property
     def length(self) -> int:
@@ -71,7 +67,10 @@ class CameraPath:
     def pose(self, frame: float) -> Pose:
         """Interpolate the camera at a frame."""
         origin, target, up = self._vectors_at(np.array([frame]))[0]
-        fov = None if self.fovs is None else float(np.interp(frame, self.frames, self.fovs))
+        fov = None
+        if self.fovs is not None:
+            curve = curves.numbers(self.frames, self.fovs[:, None], self.interpolation)
+            fov = float(curve(frame)[0])
         return Pose(origin, target, up, fov)
 
     def check(self, frames: int) -> None:
@@ -105,8 +104,7 @@ class CameraPath:
     def _vectors_at(self, frames: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
         """Origin, target and up at each frame, (N,) to (N, 3, 3)."""
         flat = self.vectors.reshape(len(self.frames), 9)
-        columns = [np.interp(frames, self.frames, column) for column in flat.T]
-        return np.stack(columns, axis=1).reshape(-1, 3, 3)
+        return curves.points(self.frames, flat, self.interpolation)(frames).reshape(-1, 3, 3)
 
 
 def _clearness(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -115,41 +113,13 @@ def _clearness(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.asarray(np.linalg.norm(np.cross(target - origin, up), axis=-1))
 
 
-def load(path: Path) -> CameraPath:
-    """
-    Read a camera path.
-
-    Raises
-    ------
-    UsageError
-        The file is missing, is neither JSON nor TOML, or a keyframe is wrong; says which.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise UsageError(f"cannot read the camera path {path}: {reason}") from error
-    try:
-        if path.suffix.lower() == ".json":
-            data = json.loads(text)
-        elif path.suffix.lower() == ".toml":
-            data = tomllib.loads(text)
-        else:
-            raise UsageError(f"the camera path {path} must be a .json or a .toml file")
-    except ValueError as error:
-        raise UsageError(f"the camera path {path} cannot be parsed: {one_line(error)}") from error
-    try:
-        return from_data(data)
-    except UsageError as error:
-        raise UsageError(f"camera path {path}: {error}") from error
-
-
 def from_data(data: Any) -> CameraPath:
     """
     Build a camera path from ``{"fps": 24, "keyframes": [{"frame": 0, "origin": [..], ..}, ..]}``.
 
     Each keyframe has ``frame`` or ``time`` (seconds, times ``fps``), ``origin``, ``target`` and
     optionally ``up`` (0, 1, 0) and ``fov`` (horizontal, degrees; in all keyframes or in none).
+    ``interpolation`` is ``smooth`` unless it is ``linear``.
 
     Raises
     ------
@@ -158,10 +128,8 @@ def from_data(data: Any) -> CameraPath:
     """
     if not isinstance(data, Mapping) or not isinstance(data.get("keyframes"), Sequence):
         raise UsageError("a list 'keyframes' is needed at the top level")
-    _refuse_unknown(data, _TOP_KEYS, "the top level")
-    fps = _number(data.get("fps", DEFAULT_FPS), "fps")
-    if not fps > 0:
-        raise UsageError(f"fps must be above 0, not {fps:g}")
+    refuse_unknown(data, _TOP_KEYS, "the top level")
+    fps, interpolation = frames_per_second(data), interpolation_of(data, "the top level")
     keyframes = data["keyframes"]
     if not keyframes:
         raise UsageError("at least one keyframe is needed")
@@ -170,47 +138,83 @@ def from_data(data: Any) -> CameraPath:
         where = f"keyframe {index}"
         if not isinstance(key, Mapping):
             raise UsageError(f"{where} must be a table of {', '.join(_KEYS)}")
-        _refuse_unknown(key, _KEYS, where)
-        if ("frame" in key) == ("time" in key):
-            raise UsageError(f"{where} needs either 'frame' or 'time'")
-        time = _number(key["time"], f"{where}: time") * fps if "time" in key else None
-        frames.append(_number(key["frame"], f"{where}: frame") if time is None else time)
+        refuse_unknown(key, _KEYS, where)
+        frames.append(frame_of(key, fps, where))
         vectors.append(_vectors(key, where))
         if "fov" in key:
             fovs.append(_fov(key["fov"], where))
     if len(fovs) not in (0, len(frames)):
         raise UsageError("'fov' must be given in all keyframes or in none")
+    check_times(frames, "the keyframes")
+    return CameraPath(
+        np.array(frames), np.array(vectors), np.array(fovs) if fovs else None, interpolation
+    )
+
+
+def frames_per_second(data: Mapping[str, Any]) -> float:
+    """``fps`` of a file."""
+    fps = number(data.get("fps", DEFAULT_FPS), "fps")
+    if not fps > 0:
+        raise UsageError(f"fps must be above 0, not {fps:g}")
+    return fps
+
+
+def interpolation_of(table: Mapping[str, Any], where: str, default: str = "smooth") -> str:
+    """``interpolation`` of a file or a track."""
+    word = table.get("interpolation", default)
+    if word not in curves.INTERPOLATIONS:
+        allowed = ", ".join(curves.INTERPOLATIONS)
+        raise UsageError(f"{where}: interpolation must be one of {allowed}, not {word!r}")
+    return str(word)
+
+
+def frame_of(key: Mapping[str, Any], fps: float, where: str) -> float:
+    """The frame number of a keyframe, from ``frame`` or ``time``."""
+    if ("frame" in key) == ("time" in key):
+        raise UsageError(f"{where} needs either 'frame' or 'time'")
+    if "time" in key:
+        return number(key["time"], f"{where}: time") * fps
+    return number(key["frame"], f"{where}: frame")
+
+
+def check_times(frames: Sequence[float], what: str) -> None:
+    """Make sure that the frame numbers of keyframes increase from 0 or later."""
     if frames[0] < 0 or np.any(np.diff(frames) <= 0):
-        raise UsageError("the keyframes' times must not be negative and must increase")
-    return CameraPath(np.array(frames), np.array(vectors), np.array(fovs) if fovs else None)
+        raise UsageError(f"the times of {what} must not be negative and must increase")
 
 
-def _refuse_unknown(table: Mapping[str, Any], allowed: Sequence[str], where: str) -> None:
+def refuse_unknown(table: Mapping[str, Any], allowed: Sequence[str], where: str) -> None:
+    """Refuse keys that nobody reads."""
     for name in table:
         if name not in allowed:
             raise UsageError(f"{where} has an unknown '{name}'; allowed are {', '.join(allowed)}")
 
 
-def _number(value: Any, what: str) -> float:
+def number(value: Any, what: str) -> float:
+    """A finite number of a file."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
         raise UsageError(f"{what} must be a finite number, not {value!r}")
     return float(value)
 
 
 def _fov(value: Any, where: str) -> float:
-    fov = _number(value, f"{where}: fov")
+    fov = number(value, f"{where}: fov")
     if not 0.0 < fov < 180.0:
         raise UsageError(f"{where}: fov must be between 0 and 180 degrees, not {fov:g}")
     return fov
 
 
+def vector(value: Any, where: str, name: str) -> list[float]:
+    """Three finite numbers of a file."""
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
+        raise UsageError(f"{where}: {name} must be a list of three numbers")
+    return [number(entry, f"{where}: {name}") for entry in value]
+
+
 def _vectors(key: Mapping[str, Any], where: str) -> list[list[float]]:
     vectors: list[list[float]] = []
     for name in ("origin", "target", "up"):
-        value = key.get(name, [0, 1, 0] if name == "up" else None)
-        if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
-            raise UsageError(f"{where}: {name} must be a list of three numbers")
-        vectors.append([_number(entry, f"{where}: {name}") for entry in value])
+        vectors.append(vector(key.get(name, [0, 1, 0] if name == "up" else None), where, name))
     origin, target, up = np.array(vectors)
     if not np.any(np.abs(np.cross(target - origin, up)) > 1e-9):
         raise UsageError(f"{where}: the view from origin to target must not be zero or along up")

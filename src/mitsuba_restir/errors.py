@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+__all__ = ["RenderError", "RestirError", "UsageError"]
+
 
 class RestirError(Exception):
     """An error that is reported to the user as one line, without a traceback."""

@@ -253,6 +253,10 @@ def _parameters(rng: np.random.Generator) -> dict[str, Any]:
         "mutation_interval": one(1, 1, 2, 4),
         "blue_noise_seeds": one(False, False, True),
         "aovs": one("", "", "albedo, sh_normal, depth", "position, motion, confidence"),
+        "guiding": one(False, False, True),
+        "roulette": one("throughput", "throughput", "contribution"),
+        "spatial_shrink": one(1.0, 1.0, 0.6),
+        "spatial_feedback": one(16, 16, 0, 1),
     }
     if rng.random() < 0.12:
         parameters |= one(*BIASED)

@@ -23,6 +23,8 @@ from scipy import ndimage, stats
 
 from .images import FloatArray, finite, variance_like
 
+__all__ = ["MeanTest", "mean_test"]
+
 _WINDOW = 5
 _LOCAL_SHARE = 0.5
 

@@ -18,6 +18,8 @@ from scipy import ndimage
 from .images import FloatArray, finite, runs_luminance, smoothed_reference
 from .intervals import Jackknife
 
+__all__ = ["RunProducts", "relative_deviations", "run_products", "temporal_covariance"]
+
 
 def relative_deviations(runs: ArrayLike, reference: ArrayLike) -> FloatArray:
     """

@@ -12,6 +12,8 @@ from scipy import fft
 from .covariance import neighbour_means, relative_deviations
 from .images import FloatArray
 
+__all__ = ["covariance_map"]
+
 
 def covariance_map(runs: ArrayLike, reference: ArrayLike, *, radius: int = 8) -> FloatArray:
     """

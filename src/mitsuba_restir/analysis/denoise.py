@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from ..imageio import Image
 from .images import FloatArray, finite
 
+__all__ = ["denoise", "denoise_guided", "installed"]
+
 GUIDES = ("albedo", "sh_normal")
 """Types of the auxiliary images that the denoiser is guided by."""
 

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = ["copies", "duplicated_share"]
+
 NO_PATH = -1
 """Identity of a pixel without a path."""
 

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+__all__ = ["luminance", "smoothed_reference"]
+
 FloatArray: TypeAlias = NDArray[np.float64]
 
 # The weights of mi.luminance, so that energies in the renderer and metrics here agree.

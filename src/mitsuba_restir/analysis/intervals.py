@@ -11,6 +11,15 @@ from scipy import stats
 
 from .images import FloatArray, finite
 
+__all__ = [
+    "Interval",
+    "Jackknife",
+    "jackknife",
+    "mean_interval",
+    "ratio_interval",
+    "sign_flip_p_value",
+]
+
 Statistic = Callable[[FloatArray], float]
 
 

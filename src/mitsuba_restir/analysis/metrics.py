@@ -10,6 +10,17 @@ from scipy import ndimage
 
 from .images import FloatArray, finite, image_pair, luminance, variance_like
 
+__all__ = [
+    "displayed",
+    "filtered_mse",
+    "hdr_flip",
+    "mean_ratio",
+    "relmse",
+    "rmse",
+    "smape",
+    "trimmed_relmse",
+]
+
 DEFAULT_EPSILON = 0.01
 DEFAULT_TRIM = 0.001
 
@@ -175,7 +186,7 @@ def trimmed_mean(errors: FloatArray, trim: float = DEFAULT_TRIM) -> float:
 
 def smape(image: ArrayLike, reference: ArrayLike, *, epsilon: float = DEFAULT_EPSILON) -> float:
     """
-    Symmetric mean absolute error: mean of |I - R| / (|I| + |R| + epsilon), between 0 and 1.
+    Symmetric mean absolute error: mean of ``|I - R| / (|I| + |R| + epsilon)``, between 0 and 1.
 
     The form of Vogels et al. 2018 ("Denoising with Kernel Prediction and Asymmetric Loss
     Functions"), who use epsilon = 0.01.

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 from .images import FloatArray, luminance, runs_luminance, smoothed_reference
 from .intervals import Interval, Jackknife, jackknife, mean_interval
 
+__all__ = ["mean_bias", "squared_pixel_bias"]
+
 
 def squared_pixel_bias(
     chains: ArrayLike, reference: ArrayLike, reference_variance: ArrayLike = 0.0

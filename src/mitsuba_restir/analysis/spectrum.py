@@ -16,6 +16,15 @@ from scipy import signal
 
 from .images import FloatArray, finite
 
+__all__ = [
+    "RadialSpectrum",
+    "band_power",
+    "low_frequency_share",
+    "power_spectrum",
+    "radial_spectrum",
+    "white_power",
+]
+
 Window = Literal["hann", "none"]
 Band = tuple[float, float]
 
@@ -34,7 +43,7 @@ TABLE_BANDS: tuple[Band, ...] = ((0.02, 0.06), (0.06, 0.17))
 
 def power_spectrum(errors: ArrayLike, *, window: Window = "hann") -> FloatArray:
     """
-    Power P(f) = |sum_p h(p) (e(p) - mean e) exp(-2 pi i f.p)|² / sum h², averaged over frames.
+    Power ``|sum_p h(p) (e(p) - mean e) exp(-2 pi i f.p)|² / sum h²``, averaged over frames.
 
     Parameters
     ----------
@@ -140,7 +149,7 @@ def radial_spectrum(power: ArrayLike) -> RadialSpectrum:
 
 def band_power(power: ArrayLike, bands: Sequence[Band] = FINE_BANDS) -> FloatArray:
     """
-    Mean power in each band low <= |f| < high; a band that ends at 0.5 includes it.
+    Mean power in each band ``low <= |f| < high``; a band that ends at 0.5 includes it.
 
     Parameters
     ----------

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from .. import llvm
-from .probe import STEPS, Probe, probe
+from . import machine
+from .probe import FRAME, RENDERED, STEPS, Probe, probe
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ def add_command(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
         help="check the installation and say what mends it",
-        description="Say which LLVM, variants and versions are in use, and render a 16x16 probe.",
+        description="Say which LLVM, variants and versions are in use, render a 16x16 probe, and "
+        "say what the machine has and what a frame takes.",
     )
     parser.set_defaults(run=run)
 
@@ -106,11 +108,37 @@ def _line(label: str, text: str) -> None:
 
 
 def _describe(result: Probe) -> str:
-    done = [f"{step} {result.seconds[step]:.1f} s" for step in STEPS[1:] if step in result.seconds]
+    done = [f"{step} {result.seconds[step]:.1f} s" for step in RENDERED if step in result.seconds]
     if result.error is None:
         return f"{result.variant}: 16x16 pixels, {', '.join(done)}"
     failed = next((step for step in STEPS if step not in result.seconds), STEPS[-1])
     return f"{result.variant}: FAILED at {failed}: {result.error}"
+
+
+def _machine() -> str:
+    total = machine.memory()
+    memory = "memory unknown" if total is None else f"{total / 2**30:.1f} GiB of memory"
+    return f"{machine.cores()} cores, {memory}"
+
+
+def _frame(result: Probe) -> str:
+    """What a frame takes, as far as the probe came."""
+    size = "x".join(map(str, machine.SIZE))
+    memory = f"{machine.frame_bytes() / 2**30:.2f} GiB beside the scene"
+    if "frame" not in result.seconds:
+        return f"{size}: {memory}"
+    small = result.seconds["frame"]
+    seconds = machine.frame_seconds(small, FRAME)
+    return (
+        f"{size}: about {seconds:.2g} s, {memory} (one of {'x'.join(map(str, FRAME))} of the "
+        f"scene ajar took {1000 * small:.0f} ms with {result.variant})"
+    )
+
+
+def _extras() -> None:
+    for extra in machine.extras():
+        there = "yes" if extra.there else f"no: {extra.remedy}"
+        _line("optional", f"{extra.name} ({extra.wanted_by}): {there}")
 
 
 def run(_: argparse.Namespace) -> int:
@@ -122,12 +150,15 @@ def run(_: argparse.Namespace) -> int:
     _line("versions", ", ".join(f"{name} {_version(name)}" for name in packages))
     _line("python", f"{platform.python_version()} ({sys.executable}) on {platform.platform()}")
     _line("LLVM", f"{chosen.path or '(none)'}, {chosen.source}")
+    _line("machine", _machine())
     _line("variants", ", ".join(mi.variants()))
     result = probe("llvm_ad_rgb")
     _line("loaded", f"LLVM {result.llvm_version}" if result.llvm_version else "no LLVM")
     _line("probe", _describe(result))
     cuda = probe("cuda_ad_rgb") if _has_nvidia_driver() else None
     _line("probe", _describe(cuda) if cuda else "cuda_ad_rgb: no NVIDIA driver, not tried")
+    _line("frame", _frame(result if cuda is None or cuda.error else cuda))
+    _extras()
 
     diagnosis = diagnose(chosen, result)
     if diagnosis is None:

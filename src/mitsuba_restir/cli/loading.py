@@ -51,6 +51,7 @@ def load_scene(
     definitions: Mapping[str, str],
     size: tuple[int, int] | None,
     keep_filter: bool = False,
+    apart: bool = False,
 ) -> Any:
     """
     Load an embedded scene or an XML file.
@@ -65,6 +66,8 @@ def load_scene(
         Width and height in pixels; None keeps the scene's own.
     keep_filter : bool
         Keep the film's reconstruction filter instead of a box.
+    apart : bool
+        Leave objects apart that Mitsuba would merge, so that each can be edited by its name.
 
     Returns
     -------
@@ -84,7 +87,11 @@ def load_scene(
         names = ", ".join(scenes.names())
         raise UsageError(f"'{source}' is neither a scene file nor an embedded scene ({names})")
     _check_definitions(path, definitions)
-    return _load_file(path, definitions, size, keep_filter)
+    config = mi.parser.ParserConfig(mi.variant())
+    # In parallel, threads would decide the order of the lights, and with it what a seed renders.
+    config.parallel = False
+    config.merge_meshes = config.merge_equivalent = not apart
+    return _load_file(config, path, definitions, size, keep_filter)
 
 
 def _check_definitions(path: Path, definitions: Mapping[str, str]) -> None:
@@ -108,11 +115,12 @@ def _check_definitions(path: Path, definitions: Mapping[str, str]) -> None:
 
 
 def _load_file(
-    path: Path, definitions: Mapping[str, str], size: tuple[int, int] | None, keep_filter: bool
+    config: Any,
+    path: Path,
+    definitions: Mapping[str, str],
+    size: tuple[int, int] | None,
+    keep_filter: bool,
 ) -> Any:
-    config = mi.parser.ParserConfig(mi.variant())
-    # In parallel, threads would decide the order of the lights, and with it what a seed renders.
-    config.parallel = False
     outer = mi.file_resolver()
     resolver = mi.FileResolver(outer)
     resolver.prepend(str(path.parent.resolve()))

@@ -41,6 +41,12 @@ class Output:
         number = f"_{frame:04d}" if self.numbered else ""
         return self.stem.with_name(f"{self.stem.name}{extra}{number}")
 
+    def files(self, frame: int, extra: str = "") -> list[Path]:
+        """What is written of a picture of a frame."""
+        base = self.name(frame, extra)
+        suffixes = SUFFIXES[1:] if self.png_only else SUFFIXES
+        return [base.with_name(base.name + suffix) for suffix in suffixes]
+
     def write(
         self,
         frame: int,
@@ -70,16 +76,18 @@ class Output:
         list of Path
             The files written.
         """
-        base = self.name(frame, extra)
-        contents = {".png": imageio.encode_png(image)}
+        png = imageio.encode_png(image)
+        contents = [png]
         if not self.png_only:
-            contents = {".exr": imageio.encode_exr(image, channels, metadata), **contents}
-        paths = []
-        for suffix, data in contents.items():
-            path = base.with_name(base.name + suffix)
+            contents = [imageio.encode_exr(image, channels, metadata), png]
+        paths = self.files(frame, extra)
+        for path, data in zip(paths, contents, strict=True):
             imageio.write_atomically(path, data)
-            paths.append(path)
         return paths
+
+    def finish(self, frames: int | None) -> list[Path]:
+        """Nothing is left to write."""
+        return []
 
 
 def plan(text: str | None, scene: str, numbered: bool) -> Output:

@@ -8,14 +8,22 @@ from __future__ import annotations
 
 import json
 import math
+import statistics
 import subprocess
 import sys
 import time
 from dataclasses import dataclass
 from typing import Any
 
-STEPS = ("variant", "path", "restir_pt")
+RENDERED = ("path", "restir_pt")
+"""Integrators that render 16x16 pixels."""
+
+STEPS = ("variant", *RENDERED, "frame")
+FRAME = (320, 180)
+"""Pixels of the frame that is timed."""
+
 _SIZE = 16
+_WARM_UP, _FRAMES = 3, 7
 
 
 @dataclass(frozen=True)
@@ -27,7 +35,8 @@ class Probe:
     ------
     variant : str
     seconds : dict of str to float
-        Time of each finished step, those of `STEPS` in order.
+        Time of each finished step, those of `STEPS` in order; ``frame`` is that of one frame of
+        `FRAME` pixels of the embedded room, once all is compiled.
     llvm_version : str or None
         Version that Dr.Jit loaded, None where it loaded none.
     error : str or None
@@ -41,7 +50,7 @@ class Probe:
 
 
 def probe(variant: str, timeout: float = 300.0) -> Probe:
-    """Render 16x16 pixels with `path` and `restir_pt` in a subprocess."""
+    """Render 16x16 pixels with `path` and `restir_pt`, and time a frame, in a subprocess."""
     command = [sys.executable, "-m", "mitsuba_restir.cli.probe", variant]
     try:
         process = subprocess.run(
@@ -79,6 +88,24 @@ def _render(integrator: str) -> None:
         raise ValueError(f"{integrator} rendered an image whose mean is {mean}")
 
 
+def _frame_time() -> float:
+    """Median time of a frame with history [s]."""
+    import drjit as dr
+    import mitsuba as mi
+
+    from .. import scenes
+
+    scene = scenes.load("ajar", *FRAME)
+    integrator = mi.load_dict({"type": "restir_pt", "max_depth": 10})
+    times = []
+    for seed in range(_WARM_UP + _FRAMES):
+        start = time.perf_counter()
+        dr.eval(mi.render(scene, integrator=integrator, spp=1, seed=seed))
+        dr.sync_thread()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times[_WARM_UP:])
+
+
 def _main(variant: str) -> None:
     import drjit as dr
     import mitsuba as mi
@@ -92,10 +119,11 @@ def _main(variant: str) -> None:
     version = dr.detail.llvm_version()
     loaded = ".".join(map(str, version)) if version[0] >= 0 else None
     report("variant", start, llvm=loaded)
-    for step in STEPS[1:]:
+    for step in RENDERED:
         start = time.perf_counter()
         _render(step)
         report(step, start)
+    print(json.dumps({"step": "frame", "seconds": _frame_time()}), flush=True)
 
 
 if __name__ == "__main__":

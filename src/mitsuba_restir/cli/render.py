@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import mitsuba as mi
-
-from .. import __version__, camera_path
+from .. import __version__, sequence
 from ..analysis.denoise import GUIDES
-from ..errors import UsageError, rendering
-from ..imageio import RGB, Image, with_rgb
+from ..camera_path import DEFAULT_FPS
+from ..errors import UsageError
+from ..imageio import RGB, Image
 from ..integrators.parameters import asking_for
 from ..passes.shade import AOVS
-from . import denoising, loading, output
+from ..scene_files import digest
+from ..sequence import Animation, Shot, video
+from ..sequence.shot import seed_from
+from . import denoising, loading, output, parts
 from .arguments import as_dict, assignment, integer, positive_seconds, resolution
 from .parameters import parse_aovs, parse_parameters
 from .sequence import Schedule, run_frames
@@ -89,7 +93,8 @@ def add_command(commands: Any) -> None:
         dest="output",
         metavar="OUT",
         help="a name (EXR and PNG), a name ending in .png (PNG only), or a folder; frames get "
-        "numbers; existing files are replaced",
+        f"numbers; a name ending in {', '.join(video.SUFFIXES)} is a film; existing files are "
+        "replaced",
     )
     parser.add_argument(
         "--frames", metavar="N", type=integer(1, MAX_FRAMES), help="frames to keep (1)"
@@ -109,7 +114,16 @@ def add_command(commands: Any) -> None:
         help="initial candidate paths per pixel and frame (1)",
     )
     parser.add_argument(
-        "--camera-path", metavar="FILE", type=Path, help="keyframes, in JSON or TOML"
+        "--animate",
+        "--camera-path",
+        metavar="FILE",
+        type=Path,
+        help="keyframes of the camera and of what moves in the scene, in JSON or TOML",
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="keep the finished frames of an animation or a film, and go on from there",
     )
     parser.add_argument(
         "--time-budget",
@@ -145,23 +159,27 @@ def run(options: argparse.Namespace) -> int:
     if options.denoise:
         denoising.require()
         parameters = {"preset": denoising.PRESET, **parameters}
-    path = camera_path.load(options.camera_path) if options.camera_path else None
-    schedule = _schedule(options, path)
-    numbered = not options.average and schedule.frames != 1
-    target = output.plan(options.output, options.scene, numbered)
+    animation = sequence.load(options.animate) if options.animate else None
+    schedule = _schedule(options, animation)
+    target = _target(options, schedule, animation)
 
     variant = loading.choose_variant(options.variant)
     guides = _guides(aovs) if options.denoise else {}
     wanted = {**aovs, **{name: kind for kind, name in guides.items()}}
     if wanted:
         parameters["aovs"] = asking_for(wanted)
+    edits = animation is not None and bool(animation.tracks)
+    if edits:
+        parameters = {"retrace_history": True, **parameters}
     integrator = loading.make_integrator("restir_pt", parameters)
-    scene = loading.load_scene(options.scene, definitions, options.resolution, options.keep_filter)
+    scene = loading.load_scene(
+        options.scene, definitions, options.resolution, options.keep_filter, apart=edits
+    )
     sensor = loading.choose_sensor(scene, options.sensor)
     channels = [*RGB, *integrator.aov_names()]
-    move = _camera_mover(sensor, path) if path else None
-    extra = DENOISED if options.denoise else ""
-    output.prepare_folder(target.stem.parent, f"{target.name(MAX_FRAMES - 1, extra).name}.exr")
+    update = None if animation is None else animation.bind(scene, sensor)
+    extras = ["", DENOISED] if options.denoise else [""]
+    output.prepare_folder(target.stem.parent, f"{target.name(MAX_FRAMES - 1, extras[-1]).name}.exr")
 
     metadata = {
         "mitsuba-restir": __version__,
@@ -171,45 +189,86 @@ def run(options: argparse.Namespace) -> int:
         "seed": str(options.seed),
         "parameters": " ".join(f"{name}={value}" for name, value in parameters.items()),
     }
+    if animation is not None or isinstance(target, parts.Film):
+        settings = {**metadata, **_made_of(options, tuple(sensor.film().crop_size()))}
+        schedule = _from(schedule, parts.begin(target, settings, options.resume, extras))
     writer = Writer(target, channels, _kept(channels, aovs), guides, options.average, metadata)
+    first = schedule.start - schedule.warmup
+    shot = Shot(
+        scene, sensor, integrator, update, options.spp, seed_from(options.seed, max(first, 0))
+    )
 
     def render_frame(frame: int) -> Image:
-        if move:
-            move(max(frame, 0))
-        image = mi.render(
-            scene, integrator=integrator, sensor=sensor, spp=options.spp, seed=options.seed
-        )
-        return with_rgb(image, len(channels) - len(RGB))
+        return shot.image(max(frame, 0))
 
     try:
-        with rendering():
-            for frame, image in run_frames(render_frame, schedule):
-                writer.add(frame, image)
+        for frame, image in run_frames(render_frame, schedule):
+            writer.add(frame, image)
     finally:
         with held():
-            writer.finish()
+            writer.finish(schedule.frames)
             _report(writer, start)
     return 0
 
 
-def _schedule(options: argparse.Namespace, path: camera_path.CameraPath | None) -> Schedule:
+def _schedule(options: argparse.Namespace, animation: Animation | None) -> Schedule:
     frames = options.frames
-    if frames is None and path is not None:
-        frames = path.length
+    if frames is None and animation is not None:
+        frames = animation.length
     if frames is None and options.time_budget is None:
         frames = 1
     if frames is not None and frames > MAX_FRAMES:
-        raise UsageError(f"the camera path has {frames} frames, more than {MAX_FRAMES}")
-    if path is not None:
-        _check_views(path, frames or MAX_FRAMES)
+        raise UsageError(f"the animation has {frames} frames, more than {MAX_FRAMES}")
+    if animation is not None:
+        try:
+            animation.check(frames or MAX_FRAMES)
+        except UsageError as error:
+            raise UsageError(f"argument --animate: {error}") from error
     return Schedule(frames, options.warmup, options.time_budget)
 
 
-def _check_views(path: camera_path.CameraPath, frames: int) -> None:
-    try:
-        path.check(frames)
-    except UsageError as error:
-        raise UsageError(f"argument --camera-path: {error}") from error
+def _from(schedule: Schedule, start: int) -> Schedule:
+    """The schedule from a frame on, with a warm-up before it."""
+    if start == 0:
+        return schedule
+    if schedule.frames is not None and start >= schedule.frames:
+        return replace(schedule, start=schedule.frames, warmup=0)
+    begin = max(start - max(sequence.WARMUP, schedule.warmup), -schedule.warmup)
+    return replace(schedule, start=start, warmup=start - begin)
+
+
+def _target(
+    options: argparse.Namespace, schedule: Schedule, animation: Animation | None
+) -> parts.Target:
+    """Where the pictures go, or the film."""
+    path = Path(options.output or "")
+    film = path.suffix.lower() in video.SUFFIXES
+    if options.resume and (options.average or not (film or animation)):
+        raise UsageError("argument --resume: needs --animate or a film, and no --average")
+    if film and options.average:
+        raise UsageError("argument --average: makes one picture, which is no film")
+    if not film:
+        numbered = not options.average and schedule.frames != 1
+        return output.plan(options.output, options.scene, numbered)
+    video.require(path.suffix.lower())
+    if path.is_dir():
+        raise UsageError(f"argument -o: '{path}' is a folder")
+    fps = animation.fps if animation is not None else DEFAULT_FPS
+    return parts.Film(path, fps, DENOISED if options.denoise else "")
+
+
+def _made_of(options: argparse.Namespace, size: tuple[int, ...]) -> dict[str, str]:
+    """What frames depend on beside what their metadata say."""
+    found = {
+        "scene file": digest(options.scene),
+        "definitions": str(sorted(as_dict(options.definitions, "-D").items())),
+        "sensor": str(options.sensor),
+        "size": "x".join(map(str, size)),
+        "denoised": str(options.denoise),
+    }
+    if options.animate:
+        found["animation"] = hashlib.sha256(options.animate.read_bytes()).hexdigest()
+    return found
 
 
 def _guides(aovs: Mapping[str, str]) -> dict[str, str]:
@@ -220,26 +279,6 @@ def _guides(aovs: Mapping[str, str]) -> dict[str, str]:
 
 def _kept(channels: Sequence[str], aovs: Mapping[str, str]) -> list[str]:
     return [name for name in channels if name in RGB or name.rpartition(".")[0] in aovs]
-
-
-def _camera_mover(sensor: Any, path: camera_path.CameraPath) -> Callable[[int], None]:
-    """Return the function that moves the sensor to a frame's pose, in place."""
-    parameters = mi.traverse(sensor)
-    needed = ["to_world"] + (["x_fov"] if path.fovs is not None else [])
-    for name in needed:
-        if name not in parameters:
-            raise UsageError(f"the camera path cannot move this sensor: it has no '{name}'")
-
-    def move(frame: int) -> None:
-        pose = path.pose(frame)
-        parameters["to_world"] = mi.ScalarTransform4f().look_at(
-            origin=pose.origin.tolist(), target=pose.target.tolist(), up=pose.up.tolist()
-        )
-        if pose.fov is not None:
-            parameters["x_fov"] = pose.fov
-        parameters.update()
-
-    return move
 
 
 def _report(writer: Writer, start: float) -> None:

@@ -24,11 +24,14 @@ class Schedule:
         Frames rendered before them and thrown away.
     time_budget : float or None
         Seconds; no frame is begun that would, at the pace of the last one, end later.
+    start : int
+        The first frame to keep; the warm-up is before it.
     """
 
     frames: int | None
     warmup: int = 0
     time_budget: float | None = None
+    start: int = 0
 
 
 def run_frames(
@@ -44,7 +47,7 @@ def run_frames(
     Parameters
     ----------
     render : callable
-        Renders one frame; gets its number, negative during warm-up.
+        Renders one frame; gets its number, negative in a warm-up before the first of all.
     schedule : Schedule
     clock : callable
         Time in seconds.
@@ -52,30 +55,32 @@ def run_frames(
     Yields
     ------
     (int, array)
-        Frame number from 0, and its image.
+        Frame number, and its image.
     """
     budget = schedule.time_budget
     begin = clock()
     pace = 0.0
-    frame = -schedule.warmup
+    frame = schedule.start - schedule.warmup
     with bar("{task.fields[state]}") as progress:
-        total = None if schedule.frames is None else schedule.warmup + schedule.frames
+        total = (
+            None if schedule.frames is None else schedule.warmup + schedule.frames - schedule.start
+        )
         task = progress.add_task("rendering", total=budget if total is None else total, state="")
         for done in itertools.count():
             if schedule.frames is not None and frame >= schedule.frames:
                 return
             elapsed = clock() - begin
             if budget is not None and elapsed + pace > budget:
-                if frame > 0:
+                if frame > schedule.start:
                     return
-                frame = 0
-            state = "warm-up" if frame < 0 else f"frame {frame}"
+                frame = schedule.start
+            state = "warm-up" if frame < schedule.start else f"frame {frame}"
             if budget is not None:
                 state += f", {max(0.0, budget - elapsed):.0f} s of the budget left"
             progress.update(task, completed=elapsed if total is None else done, state=state)
             start = clock()
             image = render(frame)
             pace = clock() - start
-            if frame >= 0:
+            if frame >= schedule.start:
                 yield frame, image
             frame += 1

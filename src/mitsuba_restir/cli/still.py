@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     aovs = parse_aovs(options.aovs) if options.aovs is not None else {}
     if options.denoise:
         denoising.require()
-    plan = None if options.plan is None else parse(options.plan)
+    plan = None if options.plan is None else _plan(options.plan)
     target = output.plan(options.output, options.scene, numbered=False)
     subject = _subject(options, parameters, aovs)
     output.prepare_folder(target.stem.parent, f"{target.name(0, DENOISED).name}{SUFFIX}")
@@ -136,6 +136,13 @@ def run(options: argparse.Namespace) -> int:
     print(f"{growth.source.plan.describe()} ({growth.why})")
     _grow(growth, goal, files, options)
     return 0
+
+
+def _plan(text: str) -> Plan:
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise UsageError(f"argument --plan: {error}") from error
 
 
 def _parameters(options: argparse.Namespace) -> dict[str, Value]:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ..analysis.denoise import GUIDES, denoise_guided
 from ..imageio import RGB, Image
-from . import output
+from .parts import Target
 
 DENOISED = "_denoised"
 """What the names of denoised pictures have besides."""
@@ -24,7 +24,7 @@ class Writer:
 
     Fields
     ------
-    target : Output
+    target : Output or Film
     channels : sequence of str
         Names of the rendered channels.
     kept : sequence of str
@@ -41,7 +41,7 @@ class Writer:
         Sum of the frames to be averaged, (H, W, C), and how many frames there were.
     """
 
-    target: output.Output
+    target: Target
     channels: Sequence[str]
     kept: Sequence[str]
     guides: Mapping[str, str]
@@ -65,12 +65,13 @@ class Writer:
         # Both at once: a signal may end the command here.
         self.sum = total, count + 1
 
-    def finish(self) -> None:
-        """Write the average, if there is one to write."""
+    def finish(self, frames: int | None) -> None:
+        """Write what can be written only at the end: the average, or the film of so many frames."""
         total, count = self.sum
         if self.average and count:
             mean = (total / count).astype(np.float32)
             self._write(0, mean, {"frames averaged": str(count)})
+        self.written += self.target.finish(frames)
 
     def _select(self, image: Image, names: Sequence[str]) -> Image:
         return image[..., [self.channels.index(name) for name in names]]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mitsuba as mi
 
 from ..paths.grid import grid_of
-from .frame import Frame
+from .frame_data import Frame
 
 
 def developed(film: mi.Film, names: Sequence[str], frame: Frame) -> mi.TensorXf:

@@ -1,19 +1,22 @@
-"""One frame: the sequence of passes, as a function of plain data."""
+"""One frame: the sequence of passes, as a function of plain data.
+
+Temporal reuse is part of the first half, except over an edit of the scene. There the target
+function of the history is that of the scene before the edit, which has to be in place while it is
+evaluated: :func:`look_back` runs in that scene, between :func:`sample_paths` and
+:func:`reuse_paths`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from ..guiding.policy import Findings, Learnt, findings_of, nothing_learnt, policy_of, taught
-from ..mutations.chain import Mutated
-from ..mutations.kind import MutationPlan
-from ..mutations.proposals import MoveReconnectionVertex
-from ..neighbors.color_history import ColorHistory, no_color_history
-from ..neighbors.reproject import Motion, reproject
+from ..guiding.policy import Findings, Learnt, findings_of, policy_of, taught
+from ..neighbors.color_history import ColorHistory
+from ..neighbors.reproject import Motion, nowhere, reproject
 from ..neighbors.strategies import STRATEGIES
 from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
@@ -21,163 +24,30 @@ from ..passes.retrace import retrace
 from ..passes.select import select
 from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
 from ..passes.spatial import spatial
-from ..passes.temporal import Previous, temporal
+from ..passes.temporal import (
+    Exchange,
+    Previous,
+    merge_history,
+    reusable,
+    shareable,
+    temporal,
+)
 from ..paths.camera import Camera
-from ..paths.grid import grid_of
-from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hit
-from ..paths.settings import PathLimits
+from ..paths.moves import Moves
+from ..paths.primary_hit import PrimaryHit
 from ..resampling.pairwise import PairEstimators, Sharing
-from ..resampling.reservoir import Reservoir, empty_reservoir
-from ..sampling.dither import Dither
-from ..sampling.streams import FrameKey
-from ..shifts.mapping import ShiftMapping
-from ..shifts.scope import Scope
-from .parameters import Parameters
-
-
-@dataclass
-class History:
-    """What a frame leaves to the next one, one lane per pixel.
-
-    Fields: ``reservoirs``, ``hits``, ``colors`` (for selection; None without it), ``learnt`` (None
-    where candidates are neither guided nor ended by what is known).
-    """
-
-    reservoirs: Reservoir
-    hits: PrimaryHit
-    colors: ColorHistory | None
-    learnt: Learnt | None
-
-
-@dataclass
-class Setting:
-    """What both stages of a frame are given.
-
-    Fields: ``scene``, ``sensor`` (samples wavelengths; None where there are none), ``now`` (the
-    frame's primary hits), ``key``, ``dither`` (of the paths' first random numbers; None without).
-    """
-
-    scene: mi.Scene
-    sensor: mi.Sensor | None
-    now: Primary
-    key: FrameKey
-    dither: Dither | None
-
-
-@dataclass
-class Beside:
-    """What a frame shows and counts beside what its reservoirs hold.
-
-    Fields: ``direct`` (light seen directly, and candidates that are not finite), ``alpha``,
-    ``refused`` (how many candidates and paths of the history were not finite), ``cut`` (pixels with
-    a path that ends because records have no room for more), ``lit`` (pixels whose candidates carry
-    light), ``candidates`` (what these alone would show; 0 where that is not asked for).
-    """
-
-    direct: mi.Color3f
-    alpha: mi.Float
-    refused: mi.UInt32
-    cut: mi.Bool
-    lit: mi.Bool
-    candidates: mi.Color3f
-
-
-@dataclass
-class Sampled:
-    """A frame after temporal reuse.
-
-    Fields: ``reservoirs``, ``outcomes`` (of the temporal shifts), ``matched`` (pixels that found
-    their history), ``flow`` (previous minus current film position [pixels]), ``colors`` (at each
-    pixel's previous place; None without selection), ``beside``, ``learnt`` (by earlier frames),
-    ``findings`` (what this one can teach).
-    """
-
-    reservoirs: Reservoir
-    outcomes: list[mi.UInt32]
-    matched: mi.Bool
-    flow: mi.Vector2f
-    colors: ColorHistory | None
-    beside: Beside
-    learnt: Learnt | None
-    findings: Findings | None
-
-
-@dataclass
-class Frame:
-    """A rendered frame.
-
-    Fields: ``color``, ``auxiliary`` (channels), ``outcomes`` (of the temporal pass and of each
-    spatial round, 3 bits a shift), ``matched`` (pixels that found their history), ``mutated`` (None
-    without mutations), ``beside``, ``history``.
-    """
-
-    color: mi.Color3f
-    auxiliary: list[mi.Float]
-    outcomes: list[list[mi.UInt32]]
-    matched: mi.Bool
-    mutated: Mutated | None
-    beside: Beside
-    history: History
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What stays the same from frame to frame.
-
-    Attributes
-    ----------
-    parameters : Parameters
-    limits : PathLimits
-    mapping : ShiftMapping
-    width, height : int
-        Size of the crop window [pixels].
-    """
-
-    parameters: Parameters
-    limits: PathLimits
-    mapping: ShiftMapping
-    width: int
-    height: int
-
-    def scope(self, setting: Setting) -> Scope:
-        """The scope of a stage."""
-        return Scope(
-            setting.scene,
-            setting.sensor,
-            self.mapping,
-            self.limits,
-            grid_of(self.width, self.height),
-            setting.key,
-            setting.dither,
-        )
-
-    def mutations(self) -> MutationPlan:
-        """How paths are mutated."""
-        parameters = self.parameters
-        return MutationPlan(
-            MoveReconnectionVertex(parameters.mutation_step),
-            parameters.mutations,
-            parameters.mutation_interval,
-            parameters.mutation_acceptance,
-            parameters.blue_noise_weight,
-        )
-
-
-def no_history(scene: mi.Scene, pixels: int, parameters: Parameters) -> History:
-    """A history without paths, with the structure that later frames have."""
-    index = dr.zeros(mi.UInt32, pixels)
-    history = History(
-        dr.gather(Reservoir, empty_reservoir(parameters.mutates), index),
-        dr.gather(PrimaryHit, no_primary_hit(), index),
-        dr.gather(ColorHistory, no_color_history(), index) if parameters.selects else None,
-        nothing_learnt(scene, parameters.guiding, parameters.roulette == "contribution"),
-    )
-    dr.make_opaque(history)
-    return history
+from ..resampling.reservoir import Reservoir
+from ..shifts.carry import Source, carried_back, carried_forth, kept_pdf
+from .frame_data import Beside, Found, Frame, History, LookedBack, Plan, Sampled, Setting, Waiting
 
 
 def sample_paths(
-    plan: Plan, setting: Setting, history: History, camera: Camera | None, spp: mi.UInt32
+    plan: Plan,
+    setting: Setting,
+    history: History,
+    camera: Camera | None,
+    spp: mi.UInt32,
+    moves: Moves | None,
 ) -> Sampled:
     """First half of a frame: candidates and temporal reuse. The history is not needed after it.
 
@@ -189,6 +59,9 @@ def sample_paths(
         The previous frame's camera; None where the sensor's history cannot be followed.
     spp : UInt32
         Candidate trees per pixel.
+    moves : Moves or None
+        What an edit since the previous frame has moved, if its scene can be looked back at: the
+        history is then left waiting.
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
     policy = policy_of(history.learnt, plan.limits.rr_depth, not parameters.retrace_history)
@@ -206,26 +79,71 @@ def sample_paths(
     dr.eval(reservoirs, beside)
     learnt = history.learnt
     findings = None if learnt is None else findings_of(policy, reservoirs)
+    motion = nowhere(scope.grid)
+    if parameters.temporal and camera is not None:
+        motion = reproject(scope.grid, now, history.hits, camera, moves)
+    sampled = Sampled(
+        reservoirs,
+        [],
+        Found(motion.valid, motion.moved, motion.lost),
+        motion.flow if parameters.aovs else mi.Vector2f(0),
+        _colors_at(history, motion),
+        beside,
+        learnt,
+        findings,
+        None,
+    )
     if not parameters.temporal or camera is None:
-        pixels = scope.grid.size
-        nowhere = Motion(dr.zeros(mi.UInt32, pixels), dr.zeros(mi.Bool, pixels), mi.Vector2f(0))
-        colors = _colors_at(history, nowhere)
-        return Sampled(
-            reservoirs, [], nowhere.valid, nowhere.flow, colors, beside, learnt, findings
-        )
+        return sampled
 
-    motion = reproject(scope.grid, now, history.hits, camera)
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
     hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
-    if parameters.retrace_history:
-        before, lost = retrace(scope, before, hit_before, motion.valid)
-        beside.refused += dr.select(lost, mi.UInt32(1), 0)
-        dr.eval(before, beside)
     previous = Previous(before, hit_before, motion.valid)
-    reservoirs, outcome = temporal(scope, reservoirs, now.hit, previous, parameters.confidence_cap)
-    flow = motion.flow if parameters.aovs else mi.Vector2f(0)
-    colors = _colors_at(history, motion)
-    sampled = Sampled(reservoirs, [outcome], motion.valid, flow, colors, beside, learnt, findings)
+    if moves is not None:
+        kept = kept_pdf(scope, reservoirs.path, now.hit, shareable(reservoirs, previous))
+        sampled.waiting = Waiting(previous, kept)
+        dr.eval(sampled)
+        return sampled
+
+    if parameters.retrace_history:
+        previous.reservoirs, lost = retrace(scope, before, hit_before, motion.valid)
+        beside.refused += dr.select(lost, mi.UInt32(1), 0)
+        dr.eval(previous, beside)
+    sampled.reservoirs, outcome = temporal(
+        scope, reservoirs, now.hit, previous, parameters.confidence_cap
+    )
+    sampled.outcomes = [outcome]
+    dr.eval(sampled)
+    return sampled
+
+
+def look_back(plan: Plan, setting: Setting, sampled: Sampled, moves: Moves) -> LookedBack:
+    """The frame's own paths in the scene before the edit, which is in place for this."""
+    scope, waiting = plan.scope(setting), sampled.waiting
+    assert waiting is not None
+    previous, current = waiting.previous, sampled.reservoirs
+    source = Source(current.path, waiting.kept_pdf, shareable(current, previous))
+    backward = carried_back(scope, source, previous.hit, moves).shifted
+    kept = kept_pdf(scope, previous.reservoirs.path, previous.hit, reusable(previous))
+    looked = LookedBack(backward, kept)
+    dr.eval(looked)
+    return looked
+
+
+def reuse_paths(
+    plan: Plan, setting: Setting, sampled: Sampled, looked: LookedBack, moves: Moves
+) -> Sampled:
+    """Temporal reuse over an edit, in the scene after it."""
+    scope, waiting, hit = plan.scope(setting), sampled.waiting, setting.now.hit
+    assert waiting is not None
+    previous = waiting.previous
+    source = Source(previous.reservoirs.path, looked.kept_pdf, reusable(previous))
+    carried = carried_forth(scope, source, hit, moves)
+    exchange = Exchange(carried.path, carried.shifted, looked.backward)
+    reservoirs, outcome = merge_history(
+        scope, sampled.reservoirs, previous, exchange, plan.parameters.confidence_cap
+    )
+    sampled = replace(sampled, reservoirs=reservoirs, outcomes=[outcome], waiting=None)
     dr.eval(sampled)
     return sampled
 
@@ -236,7 +154,7 @@ def learn_paths(plan: Plan, setting: Setting, learnt: Learnt, findings: Findings
 
 
 def share_paths(
-    plan: Plan, setting: Setting, sampled: Sampled, layout: Any, turn: mi.UInt32
+    plan: Plan, setting: Setting, sampled: Sampled, layouts: list[Any], turn: mi.UInt32
 ) -> Frame:
     """Second half of a frame: mutations, spatial reuse and shading.
 
@@ -244,8 +162,8 @@ def share_paths(
     ----------
     sampled : Sampled
         What the first half left.
-    layout : Any
-        What the strategy of ``neighbor_sampling`` finds neighbours with.
+    layouts : list
+        What the strategy of ``neighbor_sampling`` finds neighbours with, in each round.
     turn : UInt32
         Running number of the frame; decides which pixels are mutated where not all are.
     """
@@ -266,7 +184,7 @@ def share_paths(
     sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
     first = color if parameters.shows("first_round") else mi.Color3f(0)
     kept = reservoirs
-    for index in range(parameters.spatial_rounds if parameters.spatial else 0):
+    for index, layout in enumerate(layouts):
         merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
         reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
         outcomes.append(merged.outcomes)
@@ -289,7 +207,7 @@ def share_paths(
     beside = replace(beside, refused=dr.sum(beside.refused))
     dr.eval(color, extra, beside)
     history = History(kept, now.hit, colors, sampled.learnt)
-    return Frame(color, extra, outcomes, sampled.matched, mutated, beside, history)
+    return Frame(color, extra, outcomes, sampled.found, mutated, beside, history)
 
 
 def _colors_at(history: History, motion: Motion) -> ColorHistory | None:

@@ -56,6 +56,13 @@ class Parameters:
         20.0, "Radius of the disk they are drawn from [pixels].", low=1, high=256
     )
     spatial_rounds: int = declared(1, "Rounds of spatial reuse per frame.", low=1, high=16)
+    spatial_shrink: float = declared(
+        1.0,
+        """Radius of each further round, as a share of the one before (but at least a pixel). Rounds
+        that look less and less far leave less noise than equal ones.""",
+        low=0.1,
+        high=1,
+    )
     spatial_feedback: int = declared(
         16,
         """How many of these rounds the history goes through; the others are for display only.
@@ -167,6 +174,12 @@ class Parameters:
     def cuts(self) -> bool:
         """Whether longer paths were asked for than records have room for."""
         return self.max_depth == -1 or self.max_depth > MAX_EDGES
+
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """Radius of each round of spatial reuse [pixels]."""
+        rounds = range(self.spatial_rounds if self.spatial else 0)
+        return tuple(max(1.0, self.spatial_radius * self.spatial_shrink**i) for i in rounds)
 
     @property
     def mutates(self) -> bool:

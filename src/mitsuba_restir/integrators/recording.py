@@ -13,7 +13,7 @@ import mitsuba as mi
 
 from ..errors import root
 from .flat import Structure, flatten, unflatten
-from .frame import Plan
+from .frame_data import Plan
 
 KEPT = 4
 """Recordings kept of a stage: there is one for every structure of its inputs (the first frame has

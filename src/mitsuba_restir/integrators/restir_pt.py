@@ -10,12 +10,9 @@ from typing import Any, NoReturn, SupportsIndex
 import drjit as dr
 import mitsuba as mi
 
-from ..neighbors.strategies import STRATEGIES
-from ..passes.primary import primary
+from ..neighbors.strategies import layouts
 from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
-from ..paths.grid import grid_of
-from ..paths.reshaped import drop_reshaped
 from ..sampling.streams import FrameKey
 from .border import (
     WORDS,
@@ -26,11 +23,12 @@ from .border import (
     checked_seed,
     checked_spp,
 )
+from .change import Change
 from .declaration import page
 from .film import developed
-from .frame import Frame, History, Plan, Setting, no_history
+from .frame_data import Frame, History, Plan, no_history, without_reshaped
 from .parameters import PARAMETERS, read_parameters
-from .plan import dither_of, plan_of
+from .plan import dither_of, plan_of, setting_of
 from .recording import collection_paused, frame_alone
 from .scene_watch import Edit, SceneWatch
 from .stages import Stages
@@ -47,7 +45,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     {parameters}
 
-    Renders with generalised resampled importance sampling (Lin et al. 2022): the candidate paths of
+    Renders with generalised resampled importance sampling :cite:p:`Lin2022`: the candidate paths of
     a pixel are resampled together with those of its neighbours and of earlier frames. One call of
     :py:func:`mitsuba.render` renders one frame, and ``spp`` is the number of candidate paths per
     pixel and frame. The history stays in the integrator until :py:meth:`reset`, or until the scene,
@@ -99,6 +97,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self._history: History | None = None
             self._camera: Camera | None = None
             self.frame: Frame | None = None
+            self._change: Change | None = None
             self._sample = 0
             self._turn = 0
 
@@ -143,21 +142,16 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self.frame = None
             key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
-            # The camera rays stay outside the frozen part: not every sensor of Mitsuba 3.9 exposes
-            # all of its state to it.
-            grid = grid_of(*sensor.film().crop_size())
-            now = primary(scene, sensor, grid, key, skip_emitters)
-            dr.eval(now)
-            setting = Setting(scene, sensor if mi.is_spectral else None, now, key, self._dither)
+            setting = setting_of(scene, sensor, key, self._dither, skip_emitters)
+            change, self._change = self._change, None
             with collection_paused():
-                sampled = self._stages.sample(
-                    setting, self._history, self._camera, dr.opaque(mi.UInt32, spp)
-                )
+                assert self._history is not None
+                sampled = self._stages.sample(setting, self._history, self._camera, spp, change)
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None
                 sampled = self._stages.learn(setting, sampled, self._turn)
                 turn = dr.opaque(mi.UInt32, self._turn)
-                frame = self._stages.share(setting, sampled, self._layout, turn)
+                frame = self._stages.share(setting, sampled, self._layouts, turn)
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
@@ -167,6 +161,14 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             image = developed(sensor.film(), self.aov_names(), frame)
             dr.eval(image)
             return image
+
+    def follow(self, change: Change) -> None:
+        """Say what was edited since the last frame, before the next one is rendered.
+
+        With ``retrace_history`` the next frame's history then follows the surfaces, and is weighed
+        by the scene that it was made in.
+        """
+        self._change = change
 
     def aov_names(self) -> list[str]:
         """Names of the auxiliary channels, in film order."""
@@ -196,7 +198,9 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             light, and ``alpha``, the mean probability over the pixels with which a path's first
             direction still comes from the BSDF. ``dropped``: share of pixels whose history was
             dropped before the frame, because shapes that it goes over were given other primitives
-            (left out if there are no such shapes).
+            (left out if there are no such shapes). ``moving``, where surfaces have moved by an edit
+            that :py:meth:`follow` was told of: their ``share`` of the pixels, and of these the
+            shares that are ``matched`` and ``not_followed``, because their motion is not rigid.
             ``biased``: parameters that bias the image, if there are any.
         """
         with frame_alone():
@@ -260,9 +264,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self.reset()
         self._scene, self._shape = scene, shape
         self._watch = SceneWatch(scene)
-        strategy = STRATEGIES[parameters.neighbor_sampling]
-        self._layout = strategy.layout(parameters.spatial_radius)
-        dr.make_opaque(self._layout)
+        self._layouts = layouts(parameters.neighbor_sampling, parameters.radii)
         self._dither = dither_of(parameters)
         self._record_stages(scene)
 
@@ -282,14 +284,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             return
         self._stages.forget()
         if edit.reshaped:
-            hits, self._dropped = drop_reshaped(
-                self._history.hits,
-                self._history.reservoirs.path,
-                edit.reshaped,
-                instanced=not set(edit.reshaped) <= set(scene.shapes()),
-            )
-            dr.eval(hits, self._dropped)
-            self._history = replace(self._history, hits=hits)
+            self._history, self._dropped = without_reshaped(self._history, scene, edit)
 
 
 # The table of the reference page is written from the declarations.

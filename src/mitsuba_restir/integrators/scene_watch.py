@@ -14,6 +14,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..transforms import TO_WORLD
+
 RESHAPING = ("faces", "segment_indices", "grid")
 """Parameters of shapes that say what a primitive is."""
 
@@ -33,7 +35,8 @@ class Edit:
     reshaped : tuple of Shape
         Shapes whose primitives are not what they were, those in shape groups included.
     replayable : bool
-        Whether recordings follow it: lights have other colours or places, and that is all.
+        Whether recordings follow it: lights have other colours, or what has a transform is
+        elsewhere, and that is all.
     """
 
     reshaped: tuple[mi.Shape, ...]
@@ -89,7 +92,7 @@ class SceneWatch:
                 for shape, primitives in self._known.primitives.items()
                 if known.primitives.get(shape) != primitives
             ),
-            self._known.differs_in_lights(known),
+            self._known.differs_in_followed(known),
         )
 
 
@@ -110,7 +113,7 @@ class _Contents:
         self._python = [vars(node) for node in nodes if hasattr(node, "__dict__")]
 
         self._variables: list[Any] = []
-        self._of_lights: list[bool] = []
+        self._followed: list[bool] = []
         self._numbers: list[Parameter] = []
         self._records: list[tuple[Any, Any]] = []
         meaning: dict[mi.Shape, list[int]] = {shape: [] for shape in self._shapes}
@@ -120,7 +123,7 @@ class _Contents:
             value = parameter.read()
             if indices := dr.detail.collect_indices(value):
                 self._variables.append(_witness(value))
-                self._of_lights.append(_is_of_light(parameter, self._parents))
+                self._followed.append(_is_followed(parameter, self._parents))
                 if parameter.name in RESHAPING and parameter.node in meaning:
                     meaning[parameter.node] += indices
             elif isinstance(value, (bool, int, float, str)):
@@ -139,17 +142,17 @@ class _Contents:
             dr.all(value == copy, axis=None) for value, copy in self._records
         )
 
-    def differs_in_lights(self, other: _Contents) -> bool:
-        """Whether nothing but colours and places of lights differs from ``other``."""
+    def differs_in_followed(self, other: _Contents) -> bool:
+        """Whether nothing differs from ``other`` but what recordings follow."""
         copies = zip(self._records, other._records, strict=False)
         return (
             self.structure == other.structure
             and self._state[1:] == other._state[1:]
             and all(dr.all(mine == theirs, axis=None) for (_, mine), (_, theirs) in copies)
             and all(
-                of_light or dr.detail.collect_indices(mine) == dr.detail.collect_indices(theirs)
-                for mine, theirs, of_light in zip(
-                    self._held[0], other._held[0], self._of_lights, strict=True
+                followed or dr.detail.collect_indices(mine) == dr.detail.collect_indices(theirs)
+                for mine, theirs, followed in zip(
+                    self._held[0], other._held[0], self._followed, strict=True
                 )
             )
         )
@@ -201,8 +204,14 @@ def _exposed(
     return [node for node in inside if inside[node]], parameters, parents
 
 
-def _is_of_light(parameter: Parameter, parents: dict[mi.Object, mi.Object | None]) -> bool:
-    """Whether it is the colour or the place of a light that Mitsuba keeps in variables alone."""
+def _is_followed(parameter: Parameter, parents: dict[mi.Object, mi.Object | None]) -> bool:
+    """Whether it is a colour of a light, or a place, that Mitsuba keeps in variables alone.
+
+    The vertices of a mesh are not: they may have been assigned from NumPy.
+    """
+    if parameter.name == TO_WORLD:
+        places = isinstance(parameter.node, (mi.Shape, mi.Emitter))
+        return places and not hasattr(parameter.node, "__dict__")
     if parameter.name == "position":
         return parameter.node.class_name() == "PointLight"
     light = parents.get(parameter.node)

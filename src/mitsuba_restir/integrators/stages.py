@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import drjit as dr
+import mitsuba as mi
+
 from ..guiding.policy import teaches
-from .frame import Plan, Sampled, Setting, learn_paths, sample_paths, share_paths
+from ..paths.camera import Camera
+from .change import Change
+from .frame import learn_paths, look_back, reuse_paths, sample_paths, share_paths
+from .frame_data import History, Plan, Sampled, Setting
 from .recording import Stage
 
 
@@ -14,9 +20,28 @@ class Stages:
 
     def __init__(self, plan: Plan) -> None:
         self._changing = plan.parameters.retrace_history
-        self.sample = Stage(sample_paths, plan)
+        self._sample = Stage(sample_paths, plan)
+        self._look_back = Stage(look_back, plan)
+        self._reuse = Stage(reuse_paths, plan)
         self._learn = Stage(learn_paths, plan)
         self.share = Stage(share_paths, plan)
+
+    def sample(
+        self,
+        setting: Setting,
+        history: History,
+        camera: Camera | None,
+        spp: int,
+        change: Change | None,
+    ) -> Sampled:
+        """The first half; a ``change`` since the history's frame is taken back for a moment."""
+        moves = None if change is None or not self._changing else change.moves
+        sampled = self._sample(setting, history, camera, dr.opaque(mi.UInt32, spp), moves)
+        if change is None or sampled.waiting is None:
+            return sampled
+        with change.undone():
+            looked = self._look_back(setting, sampled, moves)
+        return self._reuse(setting, sampled, looked, moves)
 
     def learn(self, setting: Setting, sampled: Sampled, frame: int) -> Sampled:
         """With what a frame has found, if it teaches by its number in the history."""
@@ -29,5 +54,5 @@ class Stages:
 
     def forget(self) -> None:
         """Drop what is recorded: the scene is no longer the one that it was recorded of."""
-        for stage in (self.sample, self._learn, self.share):
+        for stage in (self._sample, self._look_back, self._reuse, self._learn, self.share):
             stage.forget()

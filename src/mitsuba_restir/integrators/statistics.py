@@ -11,7 +11,7 @@ from ..guiding.figures import cells_in_use, mean_share_of_bsdf
 from ..mutations.chain import Mutated
 from ..mutations.pivot import MutationClass
 from ..shifts.mapping import MERGE_REFUSED, Outcome
-from .frame import Frame
+from .frame_data import Found, Frame
 from .parameters import Parameters
 
 
@@ -19,12 +19,14 @@ def frame_statistics(frame: Frame, parameters: Parameters) -> dict[str, Any]:
     """What ``restir_pt``'s ``statistics()`` documents, of a frame."""
     temporal, *rounds = frame.outcomes
     statistics: dict[str, Any] = {
-        "matched": float(dr.mean(mi.Float(frame.matched))[0]),
+        "matched": float(dr.mean(mi.Float(frame.found.matched))[0]),
         "light": float(dr.mean(mi.Float(frame.beside.lit))[0]),
         "not_finite": int(frame.beside.refused[0]) + refused_count(frame.outcomes),
     }
     if cut := float(dr.mean(mi.Float(frame.beside.cut))[0]):
         statistics["cut"] = cut
+    if moving := _moving(frame.found):
+        statistics["moving"] = moving
     if temporal:
         statistics["temporal"] = outcome_shares(temporal, 2)
     for index, packed in enumerate(rounds):
@@ -40,6 +42,18 @@ def frame_statistics(frame: Frame, parameters: Parameters) -> dict[str, Any]:
     if parameters.biased:
         statistics["biased"] = list(parameters.biased)
     return statistics
+
+
+def _moving(found: Found) -> dict[str, float]:
+    """Shares among the pixels whose surface has moved; empty where none has."""
+    moved = int(dr.count(found.moved)[0])
+    if not moved:
+        return {}
+    return {
+        "share": moved / dr.width(found.matched),
+        "matched": int(dr.count(found.moved & found.matched)[0]) / moved,
+        "not_followed": int(dr.count(found.lost)[0]) / moved,
+    }
 
 
 def outcome_shares(packed: list[mi.UInt32], shifts: int) -> dict[str, float]:

@@ -35,9 +35,14 @@ NORMAL_EXPONENT = 8
 
 @dataclass
 class Disk:
-    """Where candidates come from: a disk of ``radius`` (float) pixels."""
+    """Where candidates come from: a disk of ``radius`` pixels."""
 
-    radius: float
+    radius: mi.Float
+
+
+def disk(radius: float) -> Disk:
+    """The disk of a radius [pixels]."""
+    return Disk(mi.Float(radius))
 
 
 def scored(sharing: Sharing, disk: Disk, reservoirs: Reservoir, choices: Stream) -> Exchange:

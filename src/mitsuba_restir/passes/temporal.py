@@ -17,12 +17,12 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
-from ..paths.record import with_factor
+from ..paths.record import PathRecord, with_factor
 from ..paths.spectrum import target
 from ..resampling.mis import canonical_share, density, share
 from ..resampling.reservoir import Reservoir, Streaming, finalize, fits, is_sound, offer
 from ..sampling.streams import Purpose, uniform
-from ..shifts.hybrid import shift
+from ..shifts.hybrid import Shifted, shift
 from ..shifts.mapping import MERGE_REFUSED, Outcome
 from ..shifts.scope import Scope
 
@@ -45,6 +45,19 @@ def capped(previous: Previous, current: Reservoir, cap: float) -> Reservoir:
     return replace(previous.reservoirs, confidence=dr.select(previous.valid, confidence, 0))
 
 
+@dataclass
+class Exchange:
+    """What history and current frame make of each other's paths.
+
+    Fields: ``path`` (the history's, as a record of this frame), ``forward`` (it, shifted to the
+    current pixel), ``backward`` (the current path, shifted to the history's pixel).
+    """
+
+    path: PathRecord
+    forward: Shifted
+    backward: Shifted
+
+
 def temporal(
     scope: Scope, current: Reservoir, hit: PrimaryHit, previous: Previous, cap: float
 ) -> tuple[Reservoir, mi.UInt32]:
@@ -59,15 +72,40 @@ def temporal(
 
     Returns
     -------
+    reservoir, outcomes
+        See :func:`merge_history`.
+    """
+    history = previous.reservoirs
+    forward = shift(scope, history.path, hit, reusable(previous))
+    backward = shift(scope, current.path, previous.hit, shareable(current, previous))
+    exchange = Exchange(history.path, forward, backward)
+    return merge_history(scope, current, previous, exchange, cap)
+
+
+def reusable(previous: Previous) -> mi.Bool:
+    """Lanes whose history has a path."""
+    return previous.valid & (previous.reservoirs.weight > 0)
+
+
+def shareable(current: Reservoir, previous: Previous) -> mi.Bool:
+    """Lanes that have a path which the history could have had."""
+    return previous.valid & (current.weight > 0)
+
+
+def merge_history(
+    scope: Scope, current: Reservoir, previous: Previous, exchange: Exchange, cap: float
+) -> tuple[Reservoir, mi.UInt32]:
+    """Merge each pixel's reservoir with its history, given each other's shifted paths.
+
+    Returns
+    -------
     reservoir : Reservoir
     outcomes : UInt32
         Outcomes of the two shifts (history to current, current to history), 3 bits each, and
         :data:`mitsuba_restir.shifts.mapping.MERGE_REFUSED`.
     """
     history = capped(previous, current, cap)
-    reusable = previous.valid & (history.weight > 0)
-    forward = shift(scope, history.path, hit, reusable)
-    backward = shift(scope, current.path, previous.hit, previous.valid & (current.weight > 0))
+    forward, backward = exchange.forward, exchange.backward
 
     own = current.confidence * target(current.color)
     m_current = canonical_share(
@@ -87,15 +125,15 @@ def temporal(
         mi.Bool(True),
     )
     weight = m_history * target(forward.color) * forward.jacobian * history.weight
-    refused = reusable & (forward.outcome == Outcome.OK) & ~fits(streaming, weight)
+    refused = reusable(previous) & (forward.outcome == Outcome.OK) & ~fits(streaming, weight)
     outcome = dr.select(refused, Outcome.NOT_FINITE, forward.outcome)
     streaming = offer(
         streaming,
-        with_factor(history.path, forward.factor),
+        with_factor(exchange.path, forward.factor),
         forward.color,
         weight,
         uniform(random, 1, 0),
-        reusable,
+        reusable(previous),
     )
     confidence = current.confidence + history.confidence
     merged = finalize(streaming, 1, confidence)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from ..transforms import world_to_local
+
 REPROJECTABLE = ("PerspectiveCamera", "ThinLensCamera")
 """Sensor classes whose history can be followed."""
 
@@ -40,7 +42,7 @@ def copy_camera(sensor: mi.Sensor) -> Camera:
     )
     lens = "aperture_radius" in parameters
     camera = Camera(
-        mi.Matrix4f(parameters["to_world"].inverse().matrix),
+        world_to_local(parameters),
         mi.Matrix4f(to_sample.matrix),
         mi.Vector2f(
             mi.Float(0 if lens else parameters["principal_point_offset_x"]),

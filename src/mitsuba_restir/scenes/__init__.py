@@ -45,19 +45,22 @@ def as_dict(name: str, width: int = 640, height: int = 360) -> dict[str, Any]:
 
     Parameters
     ----------
-    name : one of `names`
-    width, height : resolution of the film [pixels]
+    name : str
+        One of `names`.
+    width, height : int
+        Resolution of the film [pixels].
 
     Returns
     -------
-    Shapes and emitters under names of their own, the camera as ``sensor`` (box filter, float32
-    RGB film) and Mitsuba's ``path`` as ``integrator``. Meshes are ``mi.Mesh`` objects; entries may
-    be replaced or removed before loading.
+    dict
+        Shapes and emitters under names of their own, the camera as ``sensor`` (box filter, float32
+        RGB film) and Mitsuba's ``path`` as ``integrator``. Meshes are ``mi.Mesh`` objects; entries
+        may be replaced or removed before loading.
 
     Raises
     ------
     ValueError
-        for an unknown name or a size below one pixel
+        For an unknown name or a size below one pixel.
     """
     scene = _find(name)
     if width < 1 or height < 1:

@@ -10,14 +10,13 @@ import mitsuba as mi
 import numpy as np
 
 from ..analysis import denoise as denoiser
-from ..errors import UsageError
 from ..integrators.parameters import images_of
 from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
 from .picture import Progress, Still, stopwatch
-from .pilot import Render, pilot
-from .plan import BEFORE_A_DENOISER, PLANS, Plan, parse
+from .pilot import DENOISED, RAW, Render, pilot
+from .plan import PLANS, Plan, parse
 
 DARK_PLAN = PLANS["candidates"]
 """Of scenes without light."""
@@ -57,8 +56,8 @@ def render(
     frames : int, optional
         Stop after so many frames, at least 2.
     denoise : bool
-        Denoise the picture as well, with the plan that is best for that:
-        :data:`.plan.BEFORE_A_DENOISER`.
+        Denoise the picture as well; its plan is then one without reuse, see
+        :data:`.pilot.DENOISED`.
     plan : str or Plan, optional
         What the frames are rendered with; a name of :data:`.plan.PLANS`, or values as ``spp=8,
         spatial_rounds=5``. By default a short pilot measures what is best for the scene; its frames
@@ -92,7 +91,8 @@ def render(
     subject = Subject(
         scene, sensor, seed, {"max_depth": max_depth, **parameters}, aovs, guides=denoise
     )
-    growth = begun(subject, _plan(plan), goal, elapsed)
+    asked = parse(plan) if isinstance(plan, str) else plan
+    growth = begun(subject, asked, goal, elapsed)
     for now in growth.grow(goal):
         if progress is not None:
             progress(now)
@@ -112,8 +112,6 @@ def begun(subject: Subject, plan: Plan | None, goal: Goal, elapsed: Callable[[],
         return Growth(Frames(subject, plan), "asked for", elapsed)
     if not subject.lit:
         return Growth(Frames(subject, DARK_PLAN), "there is nothing to plan for", elapsed)
-    if subject.guides:
-        return Growth(Frames(subject, BEFORE_A_DENOISER), "best before a denoiser", elapsed)
     return _piloted(subject, goal, elapsed)
 
 
@@ -126,7 +124,7 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
         tried[plan.name] = Frames(apart, plan)
         return tried[plan.name].luminances
 
-    choice = pilot(begin, goal.seconds)
+    choice = pilot(begin, goal.seconds, DENOISED if subject.guides else RAW)
     frames = tried.get(choice.plan.name) or Frames(apart, choice.plan)
     frames.restart(subject.seed)
     return Growth(frames, choice.why, elapsed)
@@ -134,12 +132,3 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
 
 def _other_seed(seed: int) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(1,)).generate_state(1)[0])
-
-
-def _plan(given: str | Plan | None) -> Plan | None:
-    if not isinstance(given, str):
-        return given
-    try:
-        return parse(given)
-    except UsageError as error:
-        raise ValueError(str(error).removeprefix("argument --")) from error

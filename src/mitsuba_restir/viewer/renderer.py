@@ -20,7 +20,7 @@ import numpy.typing as npt
 from ..errors import one_line
 from ..guiding.cells import CELLS
 from ..imageio import Image, with_rgb
-from ..integrators.frame import Frame
+from ..integrators.frame_data import Frame
 from ..integrators.recording import frame_alone
 from ..passes.shade import AOVS, Shown
 from . import timing

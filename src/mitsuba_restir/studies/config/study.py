@@ -223,7 +223,7 @@ class Study:
                     yield f"'{name}' is made of '{other}', which is no rendered variant ({some})"
             if variant.of and self.reference is None:
                 yield f"'{name}' is blurred to an error: that needs a [reference]"
-        moves = self.motion is not None and self.motion.cut_from is None
+        moves = self.motion is not None and not self.cuts
         if moves and self.frames > 1:
             yield (
                 "a moving camera meets its reference in the last frame: frames must be 1 (and "
@@ -236,6 +236,11 @@ class Study:
     def length(self) -> int:
         """Frames of a run, those before the measured ones and between them included."""
         return self.warmup + (self.frames - 1) * self.stride + 1
+
+    @property
+    def cuts(self) -> bool:
+        """Whether the camera jumps after the warm-up."""
+        return self.motion is not None and self.motion.cut_from is not None
 
     def rendered(self) -> list[str]:
         """Names of the variants that are rendered, in order; the others are made of these."""

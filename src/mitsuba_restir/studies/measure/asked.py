@@ -44,8 +44,8 @@ def _lacks(study: Study, name: str) -> Iterator[str]:
     needs = QUANTITIES[name]
     if needs.needs_reference and study.reference is None:
         yield "needs a [reference] with file or spp"
-    if needs.cold and study.warmup:
-        yield "starts from nothing: it needs warmup = 0"
+    if needs.cold and study.warmup and not study.cuts:
+        yield "starts from nothing: it needs warmup = 0, or a camera that jumps after it"
     if needs.sequences and (study.keep != "all" or study.frames < 2):
         yield "needs keep = 'all' and at least 2 frames"
     if needs.sequences and study.stride > 1:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from PIL import Image as Pillow
@@ -23,11 +25,12 @@ _ZOOM = 4
 _CELL = CROP * _ZOOM
 _GAP = 6
 _LABELS = 96
-_HEAD = 46
+_LINE = 18
 _COLUMNS = 10
 _INK, _SOFT = "#1d2330", "#667085"
 
 Place = tuple[slice, slice]
+Font: TypeAlias = "ImageFont.FreeTypeFont | ImageFont.ImageFont"
 
 
 def crop_of(y: FloatArray, *, smooth: bool, side: int = CROP) -> Place:
@@ -91,14 +94,17 @@ def strip(
     bands = -(-len(names) // _COLUMNS)
     columns = -(-len(names) // bands)
     heights = [_height(row) for row in rows]
-    band = _HEAD + sum(height + _GAP for height in heights)
+    heads = {name: _head(name, captions.get(name, "")) for name in names}
+    head = _LINE * max(map(len, heads.values())) + _GAP
+    band = head + sum(height + _GAP for height in heights)
     canvas = Pillow.new("RGB", (_LABELS + columns * (_CELL + _GAP), bands * band), "white")
     pen = ImageDraw.Draw(canvas)
     for index, name in enumerate(names):
         x = _LABELS + (index % columns) * (_CELL + _GAP)
         y = (index // columns) * band
-        _head(pen, x, y, name, captions.get(name, ""))
-        y += _HEAD
+        for number, (text, ink, font) in enumerate(heads[name]):
+            pen.text((x, y + number * _LINE), text, fill=ink, font=font)
+        y += head
         for row, height in zip(rows, heights, strict=True):
             if index % columns == 0:
                 pen.multiline_text((0, y + 2), row.label, fill=_SOFT, font=_font(12), spacing=3)
@@ -152,14 +158,32 @@ def _scaled(picture: Picture) -> Pillow.Image:
     return image.resize(size, Pillow.Resampling.NEAREST if grows else Pillow.Resampling.BOX)
 
 
-def _head(pen: ImageDraw.ImageDraw, x: int, y: int, name: str, caption: str) -> None:
-    font = _font(13)
-    text = name
-    while len(text) > 4 and pen.textlength(text, font=font) > _CELL:
-        text = text[:-2].rstrip("…") + "…"
-    pen.text((x, y + 6), text, fill=_INK, font=font)
-    pen.text((x, y + 24), caption, fill=_SOFT, font=_font(12))
+def _head(name: str, caption: str) -> list[tuple[str, str, Font]]:
+    """The lines above a column: text, colour and font."""
+    name_font, caption_font = _font(13), _font(12)
+    return [
+        *((line, _INK, name_font) for line in wrapped(name, name_font, _CELL)),
+        *((line, _SOFT, caption_font) for line in wrapped(caption, caption_font, _CELL)),
+    ]
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+def wrapped(text: str, font: Font, width: float) -> list[str]:
+    """
+    Break a label into lines that are not wider than ``width`` [pixels].
+
+    After a space or an underscore where there is one, else anywhere: names of variants are words of
+    a configuration file, and none may be cut off. Joined, the lines are the text.
+    """
+    lines = [""]
+    for piece in re.findall(r"[^ _]*[ _]|[^ _]+", text):
+        if lines[-1] and font.getlength((lines[-1] + piece).rstrip()) > width:
+            lines.append("")
+        for letter in piece:
+            if font.getlength((lines[-1] + letter).rstrip()) > width:
+                lines.append("")
+            lines[-1] += letter
+    return [line for line in lines if line]
+
+
+def _font(size: int) -> Font:
     return ImageFont.load_default(size)

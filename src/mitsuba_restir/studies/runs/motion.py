@@ -8,9 +8,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import numpy.typing as npt
 
 from ...errors import UsageError
+from ...transforms import TO_WORLD, look_at, matrix_of, set_matrix, transform_names
 from ..config.study import Study
 from ..config.view import View
 
@@ -36,11 +36,11 @@ def make_place(study: Study, scene: Any, sensor: Any) -> Place | None:
         return _cut(mi.traverse(sensor), motion.cut_from, measured)
     movers = []
     if any(motion.step):
-        movers.append(_mover(mi.traverse(sensor), "to_world", motion.step))
+        movers.append(_mover(mi.traverse(sensor), TO_WORLD, motion.step))
     if motion.light:
         parameters = mi.traverse(scene)
         # Vertices of meshes are left out: moved back, their normals would not be what they were.
-        known = [name for name in parameters.keys() if name.endswith(".to_world")]
+        known = transform_names(parameters)
         if motion.light not in known:
             raise UsageError(
                 f"{study.name}: [motion] light = '{motion.light}' is no transform of the scene; "
@@ -55,43 +55,30 @@ def make_place(study: Study, scene: Any, sensor: Any) -> Place | None:
     return place
 
 
-def look_at(view: View) -> Any:
-    """Return a view as the transform of a sensor."""
-    vectors = (view.origin, view.target, view.up)
-    origin, target, up = map(list, vectors)
-    return mi.ScalarTransform4f().look_at(origin=origin, target=target, up=up)
-
-
 def _cut(parameters: Any, before: View, measured: int) -> Place:
-    here = _matrix(parameters["to_world"]), float(np.ravel(parameters["x_fov"])[0])
-    there = _matrix(look_at(before)), before.fov
+    here = matrix_of(parameters), float(np.ravel(parameters["x_fov"])[0])
+    there = look_at(before.origin, before.target, before.up), before.fov
 
     def place(frames: int) -> None:
         matrix, fov = here if frames < measured else there
-        parameters["to_world"] = type(parameters["to_world"])(mi.ScalarTransform4f(matrix).matrix)
+        set_matrix(parameters, TO_WORLD, matrix)
         parameters["x_fov"] = fov
-        dr.make_opaque(parameters["to_world"], parameters["x_fov"])
+        dr.make_opaque(parameters["x_fov"])
         parameters.update()
 
     return place
 
 
 def _mover(parameters: Any, name: str, step: tuple[float, float, float]) -> Place:
-    end = _matrix(parameters[name])
+    end = matrix_of(parameters, name)
 
     def move(frames: int) -> None:
         matrix = end.copy()
         matrix[:3, 3] -= frames * np.array(step)
         # The variants of a study share one scene, and only the first to come moves it.
-        if np.allclose(matrix, _matrix(parameters[name]), rtol=0.0, atol=1e-6):
+        if np.allclose(matrix, matrix_of(parameters, name), rtol=0.0, atol=1e-6):
             return
-        moved = mi.ScalarTransform4f(matrix)
-        parameters[name] = type(parameters[name])(moved.matrix)
-        dr.make_opaque(parameters[name])
+        set_matrix(parameters, name, matrix)
         parameters.update()
 
     return move
-
-
-def _matrix(transform: Any) -> npt.NDArray[np.float64]:
-    return np.array(transform.matrix, dtype=np.float64).reshape(4, 4)

@@ -15,8 +15,10 @@ import numpy as np
 from ...analysis.denoise import GUIDES
 from ...errors import UsageError, one_line
 from ...integrators.parameters import asking_for
+from ...transforms import TO_WORLD, look_at, matrix_of
 from ..config.study import Crop, Size, Study, Variant
-from .motion import look_at, make_place
+from ..config.view import View
+from .motion import make_place
 from .results import Image
 
 # Plugins of cameras that can be copied, and the parameters that are theirs alone.
@@ -120,7 +122,7 @@ def make_sensor(study: Study, scene: Any, size: Size) -> Any:
     view = study.view
     if view is not None:
         return mi.load_dict(
-            {"type": "perspective", "fov": view.fov, "to_world": look_at(view), **common}
+            {"type": "perspective", "fov": view.fov, TO_WORLD: _seen(view), **common}
         )
     sensors = scene.sensors()
     kind = sensors[0].class_name() if sensors else ""
@@ -130,9 +132,9 @@ def make_sensor(study: Study, scene: Any, size: Size) -> Any:
     values = mi.traverse(sensors[0])
     names = {"fov": "x_fov", **{name: name for name in ("near_clip", "far_clip", *own)}}
     numbers = {name: float(np.ravel(values[key])[0]) for name, key in names.items()}
-    matrix = np.array(values["to_world"].matrix, dtype=np.float64).reshape(4, 4)
+    matrix = matrix_of(values)
     transform = mi.ScalarTransform4f(matrix)
-    return mi.load_dict({"type": plugin, "to_world": transform, **numbers, **common})
+    return mi.load_dict({"type": plugin, TO_WORLD: transform, **numbers, **common})
 
 
 def _window(crop: Crop | None, size: Size) -> dict[str, int]:
@@ -242,3 +244,7 @@ def denoiser_guides(scene: Any, sensor: Any) -> tuple[Image, Image]:
 
 def _nothing() -> None:
     """Reset an integrator that has no history."""
+
+
+def _seen(view: View) -> Any:
+    return mi.ScalarTransform4f(look_at(view.origin, view.target, view.up))

@@ -1,4 +1,4 @@
-"""Rounds of spatial reuse that only show: the history does without them, and nothing is biased."""
+"""Rounds of spatial reuse: those that only show, and those that look less and less far."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import pytest
 from support import references
 from support.modes import Mode
 from support.runs import assert_unbiased, bias_report, independent_runs, integrator
+
+from mitsuba_restir.integrators.parameters import Parameters
+from mitsuba_restir.neighbors.strategies import layouts
 
 ROUNDS = {"spatial_radius": 6.0, "spatial_rounds": 3}
 RUNS, POWER = 256, 0.025
@@ -63,3 +66,31 @@ def test_no_bias(rgb, feedback, more):
     runs = independent_runs(integrator(case.max_depth, mode), case.load(), mode)
     report = bias_report(runs, RUNS, *references.load("room"))
     assert_unbiased(report, f"room-feedback-{feedback}-{len(more)}", POWER)
+
+
+def test_radii_shrink_to_a_pixel():
+    radii = Parameters(spatial_rounds=4, spatial_radius=10.0, spatial_shrink=0.2).radii
+    assert radii == pytest.approx((10.0, 2.0, 1.0, 1.0))
+    assert Parameters(spatial=False).radii == ()
+
+
+def test_each_round_has_the_layout_of_its_radius(rgb):
+    far, near, again = layouts("random", (12.0, 3.0, 12.0))
+    assert far is again
+    reach = [np.hypot(np.array(tile.dx), np.array(tile.dy)).max() for tile in (far, near)]
+    assert reach == pytest.approx([12.0, 3.0], abs=1.0)
+
+
+def test_control_equal_rounds_are_another_picture(room):
+    *_, shrinking = kept(room, **ROUNDS, spatial_shrink=0.4)
+    *_, equal = kept(room, **ROUNDS)
+    assert np.mean(shrinking != equal) > 0.5
+
+
+@pytest.mark.parametrize("strategy", ["random", "blue_noise", "geometry"])
+def test_no_bias_where_rounds_shrink(rgb, strategy):
+    case = references.CASES["room"]
+    mode = Mode({**ROUNDS, "spatial_shrink": 0.5, "neighbor_sampling": strategy}, frames=3)
+    runs = independent_runs(integrator(case.max_depth, mode), case.load(), mode)
+    report = bias_report(runs, RUNS, *references.load("room"))
+    assert_unbiased(report, f"room-shrink-{strategy}", POWER)
