@@ -2,7 +2,8 @@
 
 `rays`, `kernels`, `memory` and `startup` measure what a renderer costs, for every variant of a
 STUDY (as for ``mitsuba-restir evaluate``, or a file beside this one). `digests` tells whether a
-change of the code changed a frame, `stills` what a still is worth beside `path`.
+change of the code changed a frame, `stills` what a still is worth beside `path`, `viewer` how fast
+pictures follow the mouse.
 """
 
 import mitsuba_restir  # noqa: F401  (makes an LLVM findable before Mitsuba looks for one)

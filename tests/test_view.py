@@ -15,10 +15,11 @@ from mitsuba_restir.integrators.presets import PRESETS
 from mitsuba_restir.viewer import camera, controls, encode, messages, pace, plots, timing
 from mitsuba_restir.viewer.camera import Pose
 from mitsuba_restir.viewer.command import Subject, command
+from mitsuba_restir.viewer.exchange import Published
 from mitsuba_restir.viewer.model import Settings, Side, effective, with_parameter
 from mitsuba_restir.viewer.pace import Pace
 from mitsuba_restir.viewer.reference import Reference
-from mitsuba_restir.viewer.session import LEASE, Published, Session
+from mitsuba_restir.viewer.session import LEASE, Session
 
 POSE = Pose((1.0, 2.0, 5.0), (0.5, 1.0, 0.0), (0.0, 1.0, 0.0), 50.0)
 
@@ -337,6 +338,10 @@ def test_the_worker_rests_where_there_is_nobody_and_nothing_new():
     session = _session()
     assert session.task() is not None
     assert session._due()  # there is no picture yet
+    session.pause()
+    assert not session._due()  # nor will there be one: the frame has failed
+    session.ask("reset")
+    assert session.task() is not None
     session.publish(Published(1, (), (), {}))
     assert not session._due()
     key = session.enter(lambda: None)
@@ -346,9 +351,27 @@ def test_the_worker_rests_where_there_is_nobody_and_nothing_new():
     session.ask("reset")
     task = session.task()
     assert task is not None
-    assert task.resets == 1
+    assert task.resets == 2
     assert session._due()
     session.leave(key, "a")
     assert not session._due()
     session.stop()
     assert session.task() is None
+
+
+# ------------------------------ what is logged --------------------------------------------------
+
+
+def test_a_thousand_complaints_are_a_line(capsys):
+    import logging
+
+    from mitsuba_restir.viewer.logs import Sparing
+
+    logger = logging.Logger("somebody")
+    logger.addHandler(Sparing())
+    for _ in range(1000):
+        try:
+            raise TypeError("two\nlines")
+        except TypeError:
+            logger.exception("not understood")
+    assert capsys.readouterr().err == "viewer: not understood: two lines\n"

@@ -20,6 +20,7 @@ import pytest
 from PIL import Image
 from support.viewer import Running, viewer
 
+from benchmarks import viewer as benchmark
 from mitsuba_restir.cli import main
 
 pytest.importorskip("nicegui", reason="the viewer needs pip install 'mitsuba-restir[view]'")
@@ -185,7 +186,7 @@ def test_frozen_frames_come_one_by_one(page: Any) -> None:
     page.wait_for_timeout(300)
     assert _number(page) == number
     page.keyboard.press(".")
-    _wait_for_next(page)
+    _until(page, lambda: _number(page) > number)
     page.keyboard.press(" ")
     _until(page, lambda: "frozen" not in page.inner_text("#facts"))
 
@@ -320,8 +321,8 @@ def test_hostile_messages_do_not_stop_it(running: Running) -> None:
             for _ in range(100):
                 socket.send(text)
     # Vanished without a word.
-    vanished = client.connect(url + "stream", proxy=None)
-    vanished.socket.close()
+    with client.connect(url + "stream", proxy=None) as socket:
+        socket.socket.shutdown(2)
     assert _status(running.url + "screenshot.png?divider=nan") == 422
     assert _status(running.url + "screenshot.png?divider=0.1") == 200
     with client.connect(url + "stream", proxy=None) as socket:
@@ -371,6 +372,14 @@ def test_without_nicegui_it_says_what_to_install(
     monkeypatch.setattr("mitsuba_restir.cli.view.importlib.util.find_spec", lambda name: None)
     assert main(["view"]) == 2
     assert "mitsuba-restir[view]" in capsys.readouterr().err
+
+
+def test_the_benchmark_measures() -> None:
+    with benchmark.started("cornell", "32x18", 0) as started:
+        rate, latencies = benchmark.received(started, 0.3)
+        assert rate > 1
+        assert 0 < min(latencies) <= max(latencies) < 10
+        assert not started.resident() < 50
 
 
 NOTEBOOK = """

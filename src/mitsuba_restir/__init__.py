@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys as _sys
 import warnings as _warnings
+from importlib.util import find_spec as _find_spec
 from pathlib import Path as _Path
 from typing import Any as _Any
 
@@ -56,12 +57,10 @@ def view(scene: _Any, **options: _Any) -> _Any:
 
     Needs ``pip install 'mitsuba-restir[view]'``.
     """
-    try:
-        from .viewer.notebook import view as shown
-    except ImportError as error:
-        if (error.name or "").partition(".")[0] not in ("nicegui", "uvicorn", "fastapi"):
-            raise
-        raise ImportError("view needs pip install 'mitsuba-restir[view]'") from error
+    if _find_spec("nicegui") is None:
+        raise ImportError("view needs pip install 'mitsuba-restir[view]'")
+    from .viewer.notebook import view as shown
+
     return shown(scene, **options)
 
 

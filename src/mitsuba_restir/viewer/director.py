@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from ..imageio import Image
 from . import encode, pace, views
 from .camera import Pose
+from .exchange import Plots, Published, Task
 from .model import Settings
 from .pace import Pace
 from .reference import Reference, relmse, spectrum
-from .renderer import Renderer, Shot
+from .renderer import RECORDED, Renderer, Shot
 from .resting import SHOWN_FROM, Resting
-from .session import Plots, Published, Task
 from .views import VIEWS, Drawn
 
 SETTLED = 1.0
@@ -24,9 +24,6 @@ SETTLED = 1.0
 
 BETWEEN_STILLS, BETWEEN_PLOTS = 0.3, 0.5
 """Seconds between two pictures of a still, and between two sets of plots."""
-
-REHEARSED = 2
-"""Frames after which the first moving frame is as fast as all others."""
 
 
 class Director:
@@ -67,10 +64,11 @@ class Director:
         self._shots: tuple[Shot, ...] = ()
         self._resting: Resting | None = None
         self._last: Task | None = None
-        self._rested = self._plotted = -1e9
+        self._rested = self._plotted = self._timed = -1e9
         self._drawn_as: Settings | None = None
         self._frames = 0
-        self._finished = False
+        self._finished = self._stands = False
+        self._errors: list[float | None] = []
 
     def picture(self, task: Task) -> Published | None:
         """
@@ -92,10 +90,10 @@ class Director:
             self._resting = None
             self._frames = 0
         if before is not None and task.kept != before.kept:
-            self._keep()
+            self._keep(task.pose)
         stepped = before is None or task.steps != before.steps
         if task.settings.frozen and not stepped and self._shots:
-            return self._drawn(task, self._shots)
+            return self._frozen(task)
         if self._accumulates(task):
             return self._grown(task)
         return self._live(task)
@@ -131,15 +129,21 @@ class Director:
         settings = task.settings
         self._pace = pace.chosen(self._pace, self._sizes, settings.fps)
         size = self._sizes[self._pace.level if task.moving else 0]
+        timed = self._clock() - self._timed >= BETWEEN_PLOTS
+        self._timed = self._clock() if timed else self._timed
         shots: dict[tuple[object, ...], Shot] = {}
         for side in settings.shown:
             if side.rendered not in shots:
-                shots[side.rendered] = self._renderer.shoot(side, task.pose, size)
+                shots[side.rendered] = self._renderer.shoot(side, task.pose, size, timed)
         seconds = sum(shot.seconds for shot in shots.values())
-        if not any(shot.compiled for shot in shots.values()) and self._frames > REHEARSED:
+        if all(shot.warm for shot in shots.values()):
             self._pace = pace.measured(self._pace, size[0] * size[1], seconds)
         self._frames += 1
-        self._shots = tuple(replace(shots[side.rendered], side=side) for side in settings.shown)
+        self._stands = False
+        before = self._shots[0].pose if self._shots else task.pose
+        self._shots = tuple(
+            replace(shots[side.rendered], side=side, before=before) for side in settings.shown
+        )
         return self._drawn(task, self._shots)
 
     def _drawn(self, task: Task, shots: tuple[Shot, ...]) -> Published:
@@ -147,14 +151,22 @@ class Director:
         shots = _seen_as(settings, shots)
         reference = self._reference_of(shots[0].pose, shots[0].size)
         drawn = [_draw(shot, settings.exposure, reference) for shot in shots]
-        self._plot([shot.image for shot in shots], reference, [shot.passes for shot in shots])
+        self._plot(drawn, reference, [shot.passes for shot in shots])
         facts = {
             "state": "frozen" if settings.frozen else "moving" if task.moving else "live",
+            "camera": _place(shots[0].pose),
             "frames": self._frames,
             "ms": round(1e3 * sum(shot.seconds for shot in shots), 1),
             "compiled": sum(shot.compiled for shot in shots),
         }
-        return self._published(drawn, facts, [shot.image for shot in shots], reference)
+        return self._published(drawn, facts, reference)
+
+    def _frozen(self, task: Task) -> Published:
+        """What was shown, still or frame, as settings show it now."""
+        view, resting = VIEWS[task.settings.sides[0].view], self._resting
+        if self._stands and resting is not None and view.still and not task.settings.compare:
+            return self._stood(task, resting)
+        return self._drawn(task, self._shots)
 
     def _grown(self, task: Task) -> Published | None:
         """A still with one more frame; seldom shown, so that time is spent on its frames."""
@@ -164,30 +176,40 @@ class Director:
             self._rehearse(task)
             self._announce("compiling the still")
             resting = self._resting = Resting(self._renderer, side, task.pose)
+            self._announce("accumulating")
         elif resting.pose != task.pose:
             resting.restart(task.pose)
+            self._announce("accumulating")
         progress = resting.advance()
         self._finished = progress is None
         if progress is not None and not self._is_due(progress.frames, task.settings):
             return None
+        return self._stood(task, resting)
+
+    def _stood(self, task: Task, resting: Resting) -> Published:
+        """A still as it is now."""
+        side = task.settings.sides[0]
+        self._stands = True
         still = resting.still(denoise=side.view == "denoised")
         self._rested, self._drawn_as = self._clock(), task.settings
-        reference = self._reference_of(task.pose, self._renderer.full)
+        reference = self._reference_of(resting.pose, self._renderer.full)
         image = still.image if still.denoised is None else still.denoised
         if side.view == "error":
             if reference is None:
                 raise ValueError(VIEWS["error"].missing(side, None))
             drawn = views.error(image, reference)
         else:
-            drawn = Drawn(views.colour(image, task.settings.exposure))
-        self._plot([image], reference, self.plots.passes)
+            drawn = views.colour(image, task.settings.exposure)
+        self._plot([drawn], reference, self.plots.passes)
         facts = {
-            "state": "still",
+            "state": "frozen" if task.settings.frozen else "still",
+            "camera": _place(resting.pose),
             "frames": still.frames,
-            "error": round(still.error, 5),
+            # JSON has no infinity, which a black picture's is.
+            "error": round(still.error, 5) if math.isfinite(still.error) else None,
             "ms": round(1e3 * still.seconds / max(still.frames, 1), 1),
         }
-        return self._published([drawn], facts, [image], reference)
+        return self._published([drawn], facts, reference)
 
     def _is_due(self, frames: int, settings: Settings) -> bool:
         """Whether a still of so many frames is worth a picture."""
@@ -200,15 +222,16 @@ class Director:
         size = self._sizes[pace.chosen(self._pace, self._sizes, task.settings.fps).level]
         side = task.settings.sides[0]
         if not self._renderer.knows(side, size):
-            for _ in range(REHEARSED + 1):
-                self._renderer.shoot(side, task.pose, size)
+            for _ in range(RECORDED):
+                self._renderer.shoot(side, task.pose, size, timed=False)
 
-    def _keep(self) -> None:
-        """Take the still as the reference of its view."""
-        if self._resting is None:
-            raise ValueError("there is no still to keep as the reference: let the camera rest")
+    def _keep(self, pose: Pose | None) -> None:
+        """Take the still, if there is one, as the reference of its view."""
+        if self._resting is None or self._resting.pose != pose:
+            return
         still = self._resting.still(denoise=False)
-        self._reference = Reference(still.image, self._resting.pose, f"{still.frames} frames")
+        if still.image.any():
+            self._reference = Reference(still.image, pose, f"{still.frames} frames")
 
     def _reference_of(self, pose: Pose | None, size: tuple[int, int]) -> Reference | None:
         for reference in (self._reference, self._given):
@@ -216,22 +239,22 @@ class Director:
                 return reference
         return None
 
-    def _plot(self, images: list[Image], reference: Reference | None, passes: Any) -> None:
+    def _plot(self, drawn: list[Drawn], reference: Reference | None, passes: Any) -> None:
         now = self._clock()
         if now - self._plotted < BETWEEN_PLOTS:
             return
         self._plotted = now
-        spectra = []
+        spectra, self._errors = [], []
         if reference is not None:
-            spectra = [spectrum(views.relative_error(image, reference)) for image in images]
-        self.plots = Plots(tuple(passes), tuple(spectra))
+            for each in drawn:
+                image = each.image
+                relative = None if image is None else views.relative_error(image, reference)
+                spectra.append([] if relative is None else spectrum(relative))
+                self._errors.append(None if image is None else relmse(image, reference))
+        self.plots = Plots(tuple(passes) if all(passes) else self.plots.passes, tuple(spectra))
 
     def _published(
-        self,
-        drawn: list[Drawn],
-        facts: dict[str, Any],
-        images: list[Image],
-        reference: Reference | None,
+        self, drawn: list[Drawn], facts: dict[str, Any], reference: Reference | None
     ) -> Published:
         quality = encode.RESTING if facts["state"] in ("still", "frozen") else encode.MOVING
         pictures = tuple(each.picture for each in drawn)
@@ -243,8 +266,8 @@ class Director:
             "scales": [each.scale for each in drawn],
         }
         if reference is not None:
-            facts["relmse"] = [float(f"{relmse(image, reference):.3g}") for image in images]
-            facts["reference"] = reference.name
+            # As of the last plots: they take as long as a small frame.
+            facts |= {"relmse": self._errors, "reference": reference.name}
         return Published(
             next(self._numbers),
             pictures,
@@ -266,3 +289,7 @@ def _draw(shot: Shot, exposure: float, reference: Reference | None) -> Drawn:
     if missing := view.missing(shot.side, reference):
         raise ValueError(missing)
     return view.draw(shot, exposure, reference)
+
+
+def _place(pose: Pose | None) -> list[float]:
+    return [] if pose is None else [round(value, 6) for value in (*pose.origin, *pose.target)]

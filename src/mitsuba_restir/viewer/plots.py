@@ -9,7 +9,7 @@ from ..analysis.colours import line_colours
 
 _SIDES = ("A", "B")
 _TEXT = "#9aa3b2"
-_GRID = {"left": 8, "right": 12, "top": 24, "bottom": 22, "containLabel": True}
+_GRID = {"left": 8, "right": 20, "top": 24, "bottom": 22, "containLabel": True}
 _PASSES = (
     "camera rays",
     "candidates",

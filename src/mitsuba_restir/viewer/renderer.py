@@ -7,6 +7,7 @@ on and off again goes on where it was. All of it belongs to the worker's thread.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -31,6 +32,9 @@ Size = tuple[int, int]
 KEPT = 4
 """Pictures in full size whose worth of pixels integrators may keep histories of."""
 
+RECORDED = 2
+"""Frames in which an integrator records: the first has no history."""
+
 
 @dataclass(frozen=True)
 class Shot:
@@ -40,8 +44,8 @@ class Shot:
     Attributes
     ----------
     side : Side
-    pose, before : Pose or None
-        Where the camera was, and where it was in the frame before.
+    pose : Pose or None
+        Where the camera was.
     image : array, (H, W, 3)
         Linear colour.
     frame : Frame
@@ -49,19 +53,24 @@ class Shot:
     seconds : float
         It took.
     passes : mapping of str to float
-        Milliseconds by pass.
+        Milliseconds by pass; empty where they were not wanted.
     compiled : int
         Kernels that had to be compiled.
+    warm : bool
+        Whether all was recorded before, so that the next one takes as long.
+    before : Pose or None
+        Where the camera was in the frame before.
     """
 
     side: Side
     pose: Pose | None
-    before: Pose | None
     image: Image
     frame: Frame
     seconds: float
     passes: Mapping[str, float]
     compiled: int
+    warm: bool
+    before: Pose | None = None
 
     @property
     def size(self) -> Size:
@@ -102,6 +111,8 @@ class Renderer:
         Width and height of the film as it was given [pixels].
     home : Pose or None
         Where the camera was; None where the sensor cannot be moved.
+    radius : float
+        Of the scene.
     """
 
     def __init__(
@@ -121,12 +132,18 @@ class Renderer:
             self._matrix = np.array(matrix, dtype=np.float64).reshape(4, 4)
         self.home = self._home()
         self._placed: tuple[Size, Pose | None] = (self.full, self.home)
-        self._before = self.home
         self._integrators: dict[tuple[Any, ...], Any] = {}
+        self._frames: Counter[Any] = Counter()
 
-    def shoot(self, side: Side, pose: Pose | None, size: Size) -> Shot:
+    def shoot(self, side: Side, pose: Pose | None, size: Size, timed: bool) -> Shot:
         """
         The next frame of a side.
+
+        Parameters
+        ----------
+        timed : bool
+            Whether its time by pass is wanted: to fetch the list of kernels takes a millisecond or
+            two. The first frame always has it.
 
         Raises
         ------
@@ -134,30 +151,27 @@ class Renderer:
             The integrator refuses its parameters, or the scene.
         """
         self.place(pose, size)
+        timed = timed or not self.knows(side, size)
         integrator = self._integrator(side, size)
+        # Always on: frames are recorded anew when a flag changes.
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             begin = time.perf_counter()
             film = integrator.render(self.scene, self.sensor, seed=self.seed, spp=side.spp)
             image = with_rgb(film, 0)
             seconds = time.perf_counter() - begin
-            history = dr.kernel_history([dr.KernelType.JIT])
+            history = dr.kernel_history([dr.KernelType.JIT]) if timed else []
         kernels = [(int(k["size"]), float(k["execution_time"])) for k in history]
-        return Shot(
-            side,
-            pose,
-            self._before,
-            image,
-            integrator.frame,
-            seconds,
-            timing.by_pass(kernels, size[0] * size[1], effective(side.parameters), CELLS),
-            sum(not k["cache_hit"] for k in history),
-        )
+        values = effective(side.parameters)
+        passes = timing.by_pass(kernels, size[0] * size[1], values, CELLS) if timed else {}
+        compiled = sum(not k["cache_hit"] for k in history)
+        self._frames[integrator] += 1
+        warm = self._frames[integrator] > RECORDED
+        return Shot(side, pose, image, integrator.frame, seconds, passes, compiled, warm)
 
     def place(self, pose: Pose | None, size: Size) -> None:
         """Move the sensor, and give its film a size; a crop window keeps its place."""
         size_now, pose_now = self._placed
-        self._before = pose_now
         if (size, pose) == (size_now, pose_now):
             return
         if size != size_now:
@@ -198,7 +212,8 @@ class Renderer:
         """Drop the integrators that were used longest ago."""
         room = KEPT * self.full[0] * self.full[1] - size[0] * size[1]
         while self._integrators and sum(w * h for _, (w, h) in self._integrators) > room:
-            del self._integrators[next(iter(self._integrators))]
+            oldest = self._integrators.pop(next(iter(self._integrators)))
+            del self._frames[oldest]
 
     def _home(self) -> Pose | None:
         """Where the sensor is; its orbit goes around what is in the middle of the picture."""

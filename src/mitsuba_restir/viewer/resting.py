@@ -17,7 +17,7 @@ from .renderer import Renderer
 ENOUGH = 0.003
 """Stated relative error at which the picture is left as it is."""
 
-SHOWN_FROM = 4
+SHOWN_FROM = 16
 """Frames of the first picture: with fewer, the frame with a history that it follows is better."""
 
 
@@ -48,10 +48,6 @@ class Resting:
         subject = Subject(renderer.scene, renderer.sensor, renderer.seed, shared, guides=True)
         self._frames = Frames(subject, plan_of(side))
         self._begin()
-
-    def fits(self, side: Side, pose: Pose | None) -> bool:
-        """Whether it is of this side and camera, or can be made so."""
-        return pose == self.pose and side.rendered == self.side.rendered
 
     def restart(self, pose: Pose | None) -> None:
         """Begin anew, elsewhere, with what is recorded."""

@@ -21,6 +21,7 @@ from starlette.websockets import WebSocket
 from ..errors import UsageError
 from . import encode, page
 from .command import Subject
+from .logs import spare
 from .security import QUERY, Guard, Policy, policy_of
 from .session import Session
 from .stream import BUSY, CLIENTS, Stream
@@ -132,6 +133,7 @@ class Server:
 def _application(site: Site, ready: Callable[[], None]) -> FastAPI:
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        spare()
         ready()
         yield
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .camera import Pose
-from .encode import Picture
+from .exchange import Plots, Published, Task
 from .model import Settings
 
 MOVING = 0.35
@@ -21,72 +21,6 @@ MOVING = 0.35
 
 LEASE = 10.0
 """Seconds for which a camera that is not touched stays with whoever touched it last."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """
-    What the worker is to do next.
-
-    Attributes
-    ----------
-    settings : Settings
-    pose : Pose or None
-    resets, steps, kept : int
-        How often histories were to be forgotten, single frames were asked for, and the picture was
-        to be kept as the reference, so far.
-    rest : float
-        Seconds since the camera moved, or what is rendered changed.
-    moving : bool
-    """
-
-    settings: Settings
-    pose: Pose | None
-    resets: int
-    steps: int
-    kept: int
-    rest: float
-    moving: bool
-
-
-@dataclass(frozen=True)
-class Published:
-    """
-    A picture as browsers get it.
-
-    Attributes
-    ----------
-    number : int
-        It grows from picture to picture.
-    pictures : tuple of arrays, (H, W, 3)
-        Of A, and of B where they are compared.
-    parts : tuple of bytes
-        The same as JPEG.
-    facts : mapping
-        What is said beside them.
-    """
-
-    number: int
-    pictures: tuple[Picture, ...]
-    parts: tuple[bytes, ...]
-    facts: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Plots:
-    """
-    What is plotted.
-
-    Attributes
-    ----------
-    passes : sequence of mappings of str to float
-        Milliseconds by pass, of each side.
-    spectra : sequence of lists of (float, float)
-        Power by frequency, of each side; none where there is no reference.
-    """
-
-    passes: Sequence[Mapping[str, float]] = ()
-    spectra: Sequence[list[tuple[float, float]]] = ()
 
 
 @dataclass
@@ -200,7 +134,7 @@ class Session:
         with self._wake:
             counter = {"reset": "resets", "step": "steps", "keep": "kept"}[what]
             setattr(self._state, counter, getattr(self._state, counter) + 1)
-            self._touch()
+            self._touch(unrest=what != "keep")
 
     def enter(self, listener: Callable[[], None]) -> int:
         """Watch: the listener is called, in any thread, when there is something new to show."""
@@ -273,9 +207,10 @@ class Session:
         self._tell()
 
     def _due(self) -> bool:
-        if self._seen != self._state.revision or self.newest is None:
+        if self._seen != self._state.revision:
             return True
-        return self._state.watchers > 0 and not self._idle
+        # The first picture is made for nobody: whoever comes shall not wait.
+        return not self._idle and (self._state.watchers > 0 or self.newest is None)
 
     def _may_lead(self, client: str, now: float) -> bool:
         leader = self._state.leader
@@ -294,9 +229,9 @@ class Session:
             listener()
 
 
-def _rendered(settings: Settings) -> tuple[object, ...]:
+def _rendered(settings: Settings) -> list[tuple[object, ...]]:
     """What frames depend on; the rest is only how they are shown."""
-    return settings.frozen, [side.rendered for side in settings.shown]
+    return [side.rendered for side in settings.shown]
 
 
 def with_setting(session: Session, **changes: Any) -> None:

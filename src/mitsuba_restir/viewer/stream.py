@@ -16,8 +16,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from . import camera, messages
 from .camera import Pose
+from .exchange import Published
 from .messages import Dolly, Drag, Fly, Home, Message, Seen
-from .session import Published, Session
+from .session import Session
 
 COMPLAINTS = 1.0
 """Seconds between two answers to what is no message."""
@@ -33,7 +34,7 @@ def packed(published: Published) -> bytes:
     """A picture as one message: the length of its facts, the facts as JSON, and the parts."""
     sizes = [len(part) for part in published.parts]
     facts = {**published.facts, "number": published.number, "sizes": sizes}
-    head = json.dumps(facts).encode()
+    head = json.dumps(facts, allow_nan=False).encode()
     return struct.pack("<I", len(head)) + head + b"".join(published.parts)
 
 

@@ -43,10 +43,13 @@ class Drawn:
     picture : array, (H, W, 3)
     scale : str
         Often nothing.
+    image : array, (H, W, 3), or None
+        The linear colour that it shows, or shows the error of.
     """
 
     picture: Picture
     scale: str = ""
+    image: Image | None = None
 
 
 @dataclass(frozen=True)
@@ -71,15 +74,16 @@ class View:
     still: bool = False
 
 
-def colour(image: Image, exposure: float) -> Picture:
+def colour(image: Image, exposure: float) -> Drawn:
     """Linear colour on the screen, brighter by so many stops."""
-    return to_srgb8(image * np.float32(2.0**exposure))
+    return Drawn(_displayed(image, exposure), image=image)
 
 
 def error(image: Image, reference: Reference) -> Drawn:
     """Relative error of the luminance: blue is too dark, red too bright."""
     relative = relative_error(image, reference)
-    return Drawn(diverging(relative / FULL_ERROR), "blue −100 %, white 0, red +100 %")
+    picture = diverging(relative / FULL_ERROR)
+    return Drawn(picture, "blue −100 %, white 0, red +100 %", image)
 
 
 def relative_error(image: Image, reference: Reference) -> FloatArray:
@@ -90,31 +94,34 @@ def relative_error(image: Image, reference: Reference) -> FloatArray:
 
 def _denoised(shot: Shot, exposure: float, _: Reference | None) -> Drawn:
     albedo, normal = (shot.auxiliary(kind) for kind in ("albedo", "sh_normal"))
-    return Drawn(colour(denoise_guided(shot.image, albedo, normal), exposure))
+    return colour(denoise_guided(shot.image, albedo, normal), exposure)
 
 
 def _normal(shot: Shot, *_: object) -> Drawn:
     normal = 0.5 * shot.auxiliary("sh_normal") + 0.5
-    return Drawn((255 * np.clip(normal, 0, 1)).astype(np.uint8), "x red, y green, z blue")
+    return Drawn(_bytes(normal), "x red, y green, z blue")
 
 
 def _depth(shot: Shot, *_: object) -> Drawn:
     return _heat(shot.auxiliary("depth")[..., 0], "{} units")
 
 
-def _motion(shot: Shot, *_: object) -> Drawn:
-    """Where surfaces were, by the camera alone."""
+def moved(shot: Shot) -> FloatArray:
+    """Where surfaces were, minus where they are on the film, (H, W, 2) [pixels]; by the camera."""
     if shot.pose is None or shot.before is None:
-        return Drawn(diverging(np.zeros(shot.image.shape[:2])), "the camera rests")
+        return np.zeros((*shot.image.shape[:2], 2))
     points = shot.auxiliary("position").astype(np.float64)
-    hit = shot.auxiliary("depth")[..., 0] > 0
+    hit = shot.auxiliary("depth") > 0
     flow = project(shot.before, points, shot.size) - project(shot.pose, points, shot.size)
-    flow = np.where(hit[..., None], np.nan_to_num(flow), 0.0)
+    return np.where(hit, np.nan_to_num(flow), 0.0)
+
+
+def _motion(shot: Shot, *_: object) -> Drawn:
+    flow = moved(shot)
     most = nice(float(np.abs(flow).max()))
-    x, y = np.moveaxis(flow / most, -1, 0)
-    picture = np.stack([0.5 + 0.5 * x, 0.5 + 0.5 * y, np.full_like(x, 0.5)], axis=-1)
+    x, y = np.moveaxis(0.5 + 0.5 * flow / most, -1, 0)
     scale = f"right red, down green, full colour {most:g} pixels" if flow.any() else "at rest"
-    return Drawn((255 * np.clip(picture, 0, 1)).astype(np.uint8), scale)
+    return Drawn(_bytes(np.stack([x, y, np.full_like(x, 0.5)], axis=-1)), scale)
 
 
 def _confidence(shot: Shot, *_: object) -> Drawn:
@@ -152,6 +159,14 @@ def _guide(shot: Shot, *_: object) -> Drawn:
 def _error(shot: Shot, _: float, reference: Reference | None) -> Drawn:
     assert reference is not None
     return error(shot.image, reference)
+
+
+def _bytes(values: npt.NDArray[np.floating]) -> Picture:
+    return (255 * np.clip(values, 0, 1)).astype(np.uint8)
+
+
+def _displayed(image: Image, exposure: float) -> Picture:
+    return to_srgb8(image * np.float32(2.0**exposure))
 
 
 def _heat(values: npt.NDArray[np.floating], unit: str) -> Drawn:
@@ -194,11 +209,11 @@ def _without_reference(_: Side, reference: Reference | None) -> str:
 
 
 def _plain(shot: Shot, exposure: float, _: Reference | None) -> Drawn:
-    return Drawn(colour(shot.image, exposure))
+    return colour(shot.image, exposure)
 
 
 def _albedo(shot: Shot, *_: object) -> Drawn:
-    return Drawn(colour(shot.auxiliary("albedo"), 0.0))
+    return Drawn(_displayed(shot.auxiliary("albedo"), 0.0))
 
 
 VIEWS = {

@@ -12,9 +12,10 @@ from typing import Any
 from ..errors import one_line, root
 from ..imageio import Image
 from .director import Director
+from .exchange import Task
 from .reference import Reference
 from .renderer import Renderer
-from .session import Session, Task
+from .session import Session
 
 SPEED = 0.4
 """Of flight by keys, in radii of the scene a second."""

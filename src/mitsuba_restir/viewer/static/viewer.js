@@ -8,7 +8,7 @@ const viewer = (() => {
     document.querySelector(`.toolbar [data-control="${name}"]`)?.classList.toggle("on", on);
   const held = new Set();
   let socket = null, facts = null, bitmaps = [], divider = 0.5, mode = "orbit";
-  let drag = null, pending = null, pictures = [], ticking = false, last = 0;
+  let drag = null, pending = null, pictures = [], ticking = false, last = 0, fast = 1;
 
   // ------------------------------ connection --------------------------------------------------
 
@@ -19,8 +19,14 @@ const viewer = (() => {
     socket.onmessage = ({ data }) => (typeof data === "string" ? note(JSON.parse(data)) : show(data));
     socket.onclose = () => {
       note({ status: "no connection", problem: "" });
-      setTimeout(connect, RETRY);
+      if (!document.hidden) setTimeout(connect, RETRY);
     };
+  }
+
+  // Nothing is rendered for a page that nobody sees.
+  function watch() {
+    if (document.hidden) socket.close();
+    else if (socket.readyState === WebSocket.CLOSED) connect();
   }
 
   function send(message) {
@@ -97,14 +103,17 @@ const viewer = (() => {
     const seconds = (pictures[pictures.length - 1] - pictures[0]) / 1000;
     const words = [`<b>${facts.state}</b>`, `${facts.width} × ${facts.height}`];
     if (facts.state === "still") {
-      words.push(`${facts.frames} frames`, `error ${(100 * facts.error).toPrecision(2)} %`);
+      words.push(`${facts.frames} frames`);
+      if (facts.error !== null) words.push(`error ${(100 * facts.error).toPrecision(2)} %`);
     } else {
       words.push(`${facts.ms} ms a frame`);
       if (pictures.length > 2 && facts.state !== "frozen") {
         words.push(`${((pictures.length - 1) / seconds).toFixed(0)} frames/s`);
       }
     }
-    if (facts.relmse) words.push(`relMSE ${facts.relmse.join(" | ")}`);
+    if (facts.relmse?.some((error) => error !== null)) {
+      words.push(`relMSE ${facts.relmse.map((error) => error ?? "–").join(" | ")}`);
+    }
     if (facts.compiled) words.push(`${facts.compiled} kernels compiled`);
     if (viewer.leads === false) words.push("another browser has the camera");
     at("facts").innerHTML = words.map((word) => `<span>${word}</span>`).join("");
@@ -183,7 +192,6 @@ const viewer = (() => {
     if (event.key === "Shift") fast = 1;
   }
 
-  let fast = 1;
   const way = (plus, minus) => (held.has(plus) ? 1 : 0) - (held.has(minus) ? 1 : 0);
 
   // What has come together since the last frame of the browser's goes in one message.
@@ -236,6 +244,7 @@ const viewer = (() => {
     document.addEventListener("keyup", release);
     window.addEventListener("blur", () => held.clear());
     new ResizeObserver(place).observe(at("stage"));
+    document.addEventListener("visibilitychange", watch);
     viewer.mode("orbit");
     connect();
   }
@@ -244,6 +253,7 @@ const viewer = (() => {
 
   return {
     leads: null,
+    facts: () => facts,
     mode(name) {
       mode = name;
       for (const tool of ["orbit", "fly"]) light(tool, tool === name);
