@@ -10,17 +10,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import pytest
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell in the background ignores Ctrl-C for its children; the tests of it do not.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-if workers := int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 0)):
-    # Workers share the cores; tracing and compiling are serial.
-    dr.set_thread_count(max(1, (os.cpu_count() or 1) // workers))
 
 
 def _variant(name: str) -> str:

@@ -101,3 +101,21 @@ def test_stills_can_be_imported_without_a_variant():
         RENDER
         render()
     """)
+
+
+ONE_CORE = """
+import os
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+import mitsuba_restir, mitsuba as mi, numpy as np
+from mitsuba_restir.imageio import encode_exr
+mi.set_variant("llvm_ad_rgb")
+print(len(encode_exr(np.ones((8, 8, 3), np.float32))))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs Linux")
+def test_pictures_are_written_on_one_core() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", ONE_CORE], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert int(done.stdout) > 0

@@ -46,6 +46,9 @@ def _start() -> None:
         message = _llvm.too_late_message(_dr.detail.llvm_version(), _chosen)
         if message:
             _warnings.warn(message, RuntimeWarning, stacklevel=3)
+    # With one thread, as on one core, Mitsuba 3.9 waits for ever when it writes an EXR.
+    if _dr.thread_count() < 2:
+        _dr.set_thread_count(2)
     _mi.detail.add_variant_callback(_on_variant_change)
     if _mi.variant() is not None:
         _on_variant_change(None, _mi.variant())
