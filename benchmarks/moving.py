@@ -125,7 +125,7 @@ def measure(tracks: list[Any], parameters: dict[str, Any], way: str, runs: int) 
             if seed >= 0:
                 images.append(image.astype(np.float64))
                 seconds.append(np.median(times[2:]))
-                moved |= np.array(integrator._frame.found.moved)
+                moved |= np.array(integrator.frame.found.moved)
                 matched.append(integrator.statistics().get("moving", {}).get("matched", np.nan))
     return Found(
         np.stack(images), moved.reshape(SIZE[::-1]), float(np.mean(matched)), np.array(seconds)

@@ -442,7 +442,8 @@ def test_own_parameters_are_set_whatever_the_plan_says(room):
     frames = Frames(subject, PLANS["rounds"])
     assert not frames.plan.mixes
     assert frames.layout.mixed == 0
-    assert frames.plan.parameters["spatial_rounds"] == 5
+    planned = PLANS["rounds"].parameters["spatial_rounds"]
+    assert frames.plan.parameters["spatial_rounds"] == planned
 
 
 @pytest.mark.parametrize(
