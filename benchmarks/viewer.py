@@ -12,9 +12,7 @@ import contextlib
 import itertools
 import json
 import math
-import os
 import re
-import shutil
 import struct
 import subprocess
 import sys
@@ -25,6 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from mitsuba_restir.cli import machine
 
 PATIENCE = 60.0
 """Seconds for a picture: kernels may have to be compiled."""
@@ -162,13 +162,9 @@ def seen(viewer: Viewer, seconds: float) -> tuple[float, list[float]]:
     """Frames a second in Chromium without a screen, and times from the mouse to a picture [s]."""
     from playwright.sync_api import sync_playwright
 
-    names = ("chromium", "chromium-browser", "google-chrome")
-    found = os.environ.get("MITSUBA_RESTIR_CHROMIUM") or next(
-        filter(None, map(shutil.which, names)), None
-    )
     number = "Number(document.documentElement.dataset.number || 0)"
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        browser = driver.chromium.launch(executable_path=machine.browser(), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(viewer.url)
         page.wait_for_function(f"{number} > 0", timeout=1000 * PATIENCE)

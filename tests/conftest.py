@@ -2,8 +2,6 @@
 
 import mitsuba_restir  # noqa: F401  isort: skip
 
-import os
-import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -12,6 +10,8 @@ from typing import Any
 
 import mitsuba as mi
 import pytest
+
+from mitsuba_restir.cli import machine
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell in the background ignores Ctrl-C for its children; the tests of it do not.
@@ -60,10 +60,7 @@ def browser() -> Iterator[Any]:
     playwright = pytest.importorskip(
         "playwright.sync_api", reason="the browser test needs playwright: pip install playwright"
     )
-    names = ("chromium", "chromium-browser", "google-chrome")
-    found = os.environ.get("MITSUBA_RESTIR_CHROMIUM") or next(
-        filter(None, map(shutil.which, names)), None
-    )
+    found = machine.browser()
     if found is None:
         pytest.skip("no Chromium found: install it (Debian: sudo apt install chromium)")
     with playwright.sync_playwright() as driver:

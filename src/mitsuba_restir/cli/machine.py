@@ -46,9 +46,15 @@ def _pip(extra: str) -> str:
     return f"pip install 'mitsuba-restir[{extra}]'"
 
 
+def browser() -> str | None:
+    """Path of a Chromium: the one that MITSUBA_RESTIR_CHROMIUM names, or one that is found."""
+    named = os.environ.get("MITSUBA_RESTIR_CHROMIUM")
+    return named or next(filter(None, map(shutil.which, _BROWSERS)), None)
+
+
 def extras() -> list[Extra]:
     """Say of each optional program and package whether it is there."""
-    chromium = any(shutil.which(name) for name in _BROWSERS)
+    chromium = browser() is not None
     report = all(map(_module, ("matplotlib", "pandas")))
     tev = shutil.which("tev") is not None
     tev_place = "https://github.com/Tom94/tev"

@@ -42,9 +42,14 @@ class Film:
     extra: str
 
     @property
+    def parts(self) -> Output:
+        """Names of its parts."""
+        return Output(self.folder / "frame", png_only=True, numbered=True)
+
+    @property
     def stem(self) -> Path:
         """Folder and name of its parts without suffix."""
-        return self.folder / "frame"
+        return self.parts.stem
 
     @property
     def folder(self) -> Path:
@@ -53,11 +58,11 @@ class Film:
 
     def name(self, frame: int, extra: str = "") -> Path:
         """Path of a frame without its suffix."""
-        return self.stem.with_name(f"{self.stem.name}{extra}_{frame:04d}")
+        return self.parts.name(frame, extra)
 
     def files(self, frame: int, extra: str = "") -> list[Path]:
         """What is written of a frame."""
-        return [self.name(frame).with_suffix(".png")] if extra == self.extra else []
+        return self.parts.files(frame) if extra == self.extra else []
 
     def write(
         self,
@@ -68,8 +73,8 @@ class Film:
         extra: str = "",
     ) -> list[Path]:
         """Keep a frame as PNG; nothing of the film is written before :meth:`finish`."""
-        for path in self.files(frame, extra):
-            imageio.write_atomically(path, imageio.encode_png(image))
+        if extra == self.extra:
+            self.parts.write(frame, image, channels, metadata)
         return []
 
     def finish(self, frames: int | None) -> list[Path]:
@@ -91,8 +96,8 @@ class Film:
 
     def _shown(self) -> Iterator[Path]:
         frame = 0
-        while (path := self.name(frame).with_suffix(".png")).exists():
-            yield path
+        while all(path.exists() for path in self.parts.files(frame)):
+            yield from self.parts.files(frame)
             frame += 1
 
 

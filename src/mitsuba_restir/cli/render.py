@@ -70,6 +70,17 @@ def add_scene_arguments(parser: argparse.ArgumentParser, scene: str | None = Non
     )
 
 
+def add_spp_argument(parser: argparse.ArgumentParser) -> None:
+    """Add what every command that renders frames of a history accepts."""
+    parser.add_argument(
+        "--spp",
+        metavar="N",
+        type=integer(1, MAX_SPP),
+        default=1,
+        help="initial candidate paths per pixel and frame (1)",
+    )
+
+
 def add_aovs_argument(parser: argparse.ArgumentParser) -> None:
     """Add what every command that writes auxiliary images accepts."""
     parser.add_argument(
@@ -106,13 +117,7 @@ def add_command(commands: Any) -> None:
         default=0,
         help="frames to render and throw away first (0)",
     )
-    parser.add_argument(
-        "--spp",
-        metavar="N",
-        type=integer(1, MAX_SPP),
-        default=1,
-        help="initial candidate paths per pixel and frame (1)",
-    )
+    add_spp_argument(parser)
     parser.add_argument(
         "--animate",
         "--camera-path",

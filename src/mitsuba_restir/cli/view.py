@@ -20,7 +20,7 @@ from . import loading
 from .arguments import as_dict, integer, positive
 from .notes import say
 from .parameters import parse_parameters
-from .render import MAX_SPP, add_scene_arguments
+from .render import add_scene_arguments, add_spp_argument
 from .signals import INTERRUPTED, TERMINATED, Terminated
 
 SCENE = "ajar"
@@ -38,13 +38,7 @@ def add_command(commands: Any) -> None:
         description="Render a scene live with restir_pt, and show it in a browser.",
     )
     add_scene_arguments(parser, SCENE)
-    parser.add_argument(
-        "--spp",
-        metavar="N",
-        type=integer(1, MAX_SPP),
-        default=1,
-        help="initial candidate paths per pixel and frame (1)",
-    )
+    add_spp_argument(parser)
     parser.add_argument(
         "--fps",
         metavar="N",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
@@ -123,15 +123,12 @@ def _fitted(old: Matrix, new: Matrix) -> Matrix | None:
     return motion if left <= _RIGID * max(np.abs(old).max(), np.abs(new).max()) else None
 
 
+@contextmanager
 def _undone(
     parameters: Parameters, old: Mapping[str, Any], new: Mapping[str, Any]
-) -> AbstractContextManager[None]:
-    @contextmanager
-    def undone() -> Iterator[None]:
-        put(parameters, old)
-        try:
-            yield
-        finally:
-            put(parameters, new)
-
-    return undone()
+) -> Iterator[None]:
+    put(parameters, old)
+    try:
+        yield
+    finally:
+        put(parameters, new)

@@ -96,9 +96,8 @@ def render(
         parameters = {"preset": "denoised", **parameters}
     edits = update is not None and getattr(update, "edits_scene", True)
     parameters = {"retrace_history": edits, **parameters}
-    guides = {kind: f"denoiser_{kind}" for kind in denoiser.GUIDES} if denoise else {}
-    wanted = {**aovs, **{name: kind for kind, name in guides.items()}}
-    if wanted:
+    guides = {f"denoiser_{kind}": kind for kind in denoiser.GUIDES} if denoise else {}
+    if wanted := {**aovs, **guides}:
         parameters["aovs"] = asking_for(wanted)
     try:
         integrator = mi.load_dict({"type": "restir_pt", **parameters})
@@ -108,7 +107,7 @@ def render(
         sensor = scene.sensors()[sensor]
     first = max(0, start - WARMUP)
     shot = Shot(scene, sensor, integrator, update, spp, seed_from(seed, first))
-    return _frames(shot, range(first, frames), start, tuple(aovs), tuple(guides.values()))
+    return _frames(shot, range(first, frames), start, tuple(aovs), tuple(guides))
 
 
 def _frames(
