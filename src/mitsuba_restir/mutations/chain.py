@@ -64,7 +64,7 @@ def run_chain(
     reservoirs, hits : Reservoir, PrimaryHit
         One lane per pixel that has its turn.
     pixel : UInt32
-        Row-major index of each lane's pixel.
+        Index of each lane's pixel.
     """
     mutation, steps = plan.kind, plan.steps
     random = scope.key.stream(Purpose.MUTATION, pixel)

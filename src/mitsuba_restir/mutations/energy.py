@@ -48,7 +48,7 @@ two of them is at most exp(-(4 / 2.1)²) = 0.03."""
 class Surroundings:
     """What the rule compares with.
 
-    Fields: ``grid``, ``values`` (of all pixels, row-major, see :func:`normalised`; evaluated),
+    Fields: ``grid``, ``values`` (of all pixels, see :func:`normalised`; evaluated),
     ``mean`` (mean luminance of the image).
     """
 
@@ -84,7 +84,7 @@ def energy_change(around: Surroundings, pixel: mi.UInt32, old: mi.Float, new: mi
     Parameters
     ----------
     pixel : UInt32
-        Row-major index of each lane's pixel.
+        Index of each lane's pixel.
     old, new : Float
         Its values, see :func:`normalised`.
     """
@@ -103,7 +103,8 @@ def energy_change(around: Surroundings, pixel: mi.UInt32, old: mi.Float, new: mi
             inside &= dr.square(row) <= RADIUS**2 - column**2
             if column == 0:
                 inside &= row != 0
-            value = dr.gather(mi.Float, around.values, there * width + beside, inside)
+            other = around.grid.index(mi.UInt32(beside), mi.UInt32(there))
+            value = dr.gather(mi.Float, around.values, other, inside)
             factor = row_factor * math.exp(-(column**2) / SIGMA_I**2)
             change += dr.select(inside, factor * (_likeness(new, value) - _likeness(old, value)), 0)
         row += 1
@@ -122,7 +123,7 @@ def energy_rule(
     Parameters
     ----------
     pixel : UInt32
-        Row-major index of each lane's pixel.
+        Index of each lane's pixel.
     weight : Float
         Its weight W before the first mutation.
     blend : float

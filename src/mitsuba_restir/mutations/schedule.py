@@ -12,7 +12,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.grid import Grid
+from ..paths.grid import BAND, Grid
 from ..paths.primary_hit import PrimaryHit
 from ..resampling.reservoir import Reservoir
 from ..shifts.scope import Scope
@@ -20,9 +20,6 @@ from .chain import Mutated, metropolis_hastings, run_chain
 from .kind import Mutation, MutationPlan
 from .pivot import MutationClass
 
-RUN = 16
-"""Neighbouring pixels of a row that have their turn together: as many as a line of the processor's
-cache holds, so that what is not mutated is not read either."""
 
 
 def stride(interval: int) -> int:
@@ -40,7 +37,10 @@ def stride(interval: int) -> int:
 
 
 def pixels_of_set(grid: Grid, interval: int, turn: mi.UInt32) -> tuple[mi.UInt32, mi.Bool]:
-    """The pixels whose turn it is: in row y the runs x with x + s y + turn = 0 mod ``interval``.
+    """The pixels whose turn it is, by blocks: those (x, y) with y + s x + turn = 0 mod ``interval``.
+
+    A block's pixels have their turn together, since they are stored together: what is not mutated
+    is not read either.
 
     Parameters
     ----------
@@ -50,17 +50,17 @@ def pixels_of_set(grid: Grid, interval: int, turn: mi.UInt32) -> tuple[mi.UInt32
     Returns
     -------
     pixel : UInt32
-        Row-major indices; the number of lanes does not depend on the turn.
+        Indices in the grid; the number of lanes does not depend on the turn.
     inside : Bool
-        Lanes that have a pixel; all, where ``RUN`` times the interval divides the width.
+        Lanes that have a pixel; all, where the interval divides the number of bands.
     """
-    columns = RUN * -(-grid.columns // (RUN * interval))
-    lane = dr.arange(mi.UInt32, columns * grid.rows)
-    y = lane // dr.opaque(mi.UInt32, columns)
-    lane -= y * dr.opaque(mi.UInt32, columns)
-    first = interval - 1 - (stride(interval) * y + turn + (interval - 1)) % interval
-    x = (lane // RUN * interval + first) * RUN + lane % RUN
-    return grid.index(x, y), x < grid.width
+    bands = -(-grid.rows // (BAND * interval))
+    group, within = grid.band.divmod(dr.arange(mi.UInt32, BAND * grid.columns * bands))
+    x = within // BAND
+    across = stride(interval) * (x // BAND)
+    first = interval - 1 - (across + turn + (interval - 1)) % interval
+    y = (group * interval + first) * BAND + within % BAND
+    return grid.index(x, y), y < grid.height
 
 
 def mutate_in_turns(

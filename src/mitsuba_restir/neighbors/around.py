@@ -41,7 +41,7 @@ def spaced_pixels(grid: Grid, spacing: int, number: mi.UInt32) -> tuple[mi.UInt3
     Returns
     -------
     pixel : UInt32
-        Row-major index.
+        Index in the grid.
     inside : Bool
         Whether it lies in the image.
     """
@@ -60,7 +60,7 @@ def similar_neighbors(grid: Grid, hits: PrimaryHit, step: int = 1) -> mi.UInt32:
     Parameters
     ----------
     hits : PrimaryHit
-        Of all pixels, row-major.
+        Of all pixels.
     step : int
         Factor of the offsets.
 
@@ -89,7 +89,7 @@ def local_mean(grid: Grid, values: Values, alike: mi.UInt32, step: int = 1) -> V
     Parameters
     ----------
     values : Float or Color3f
-        Of all pixels, row-major.
+        Of all pixels.
     alike : UInt32
         Result of :func:`similar_neighbors` with the same ``step``.
     """

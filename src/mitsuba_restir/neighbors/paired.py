@@ -44,7 +44,7 @@ def partner(
     Returns
     -------
     other : UInt32
-        Row-major index of the partner (the pixel itself where there is none).
+        Index of the partner (the pixel itself where there is none).
     inside : Bool
         Whether there is a partner and it lies in the image.
     """

@@ -75,7 +75,7 @@ class Groups:
 class Members:
     """The groups' pixels, group after group, one lane each.
 
-    Fields: ``pixel`` (row-major; 0 outside), ``inside`` (lies in the image), ``level`` (of the
+    Fields: ``pixel`` (in the grid; 0 outside), ``inside`` (lies in the image), ``level`` (of the
     mask).
     """
 
@@ -188,7 +188,7 @@ def rank_pixels(
     Parameters
     ----------
     labels : UInt32
-        One per pixel, row-major; pixels of a group with equal labels are a class, those with the
+        One per pixel; pixels of a group with equal labels are a class, those with the
         label :data:`NOWHERE` are left alone. Must not depend on the paths.
     values, confidence : Float
         One per pixel.

@@ -18,7 +18,7 @@ from .similarity import similar
 class Motion:
     """Where each pixel's surface was.
 
-    Fields: ``pixel`` (previous pixel, row-major), ``valid`` (it saw the same surface), ``flow``
+    Fields: ``pixel`` (previous pixel), ``valid`` (it saw the same surface), ``flow``
     (previous minus current film position [pixels]), ``moved`` (the surface itself has moved),
     ``lost`` (by a motion that is not followed).
     """

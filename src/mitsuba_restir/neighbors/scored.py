@@ -79,7 +79,7 @@ def pick(
     Returns
     -------
     other : UInt32
-        Row-major index of the neighbour (the pixel itself where there is none).
+        Index of the neighbour (the pixel itself where there is none).
     found : Bool
         Whether there is one.
     """

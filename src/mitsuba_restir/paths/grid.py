@@ -1,4 +1,8 @@
-"""The pixel grid: where the pixel of an index is, and the index of the pixel at a place."""
+"""The pixel grid: where the pixel of an index is, and the index of the pixel at a place.
+
+Pixels are stored in bands of rows, and within a band column by column, so that what lies around a
+pixel fits a processor's cache however wide the image is. Only this module knows of it.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +11,29 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from .divisor import Divisor, divisor
+
+BAND = 4
+"""Rows of a band, but for the last one: the values of a block of 4 x 4 pixels are then a line of a
+processor's cache."""
+
 
 @dataclass
 class Grid:
-    """The pixels of a crop window, row-major.
+    """The pixels of a crop window.
 
-    Fields: ``columns``, ``rows`` (int), and the same as ``width``, ``height`` (opaque, so that a
-    kernel fits all sizes).
+    Fields: ``columns``, ``rows`` (int), and what kernels divide by: ``width``, ``band`` (pixels of
+    a band) and ``last`` (rows of the last band), with ``height`` and ``bottom`` (where the last
+    band begins), all opaque, so that a kernel fits all sizes.
     """
 
     columns: int
     rows: int
     width: mi.UInt32
     height: mi.UInt32
+    bottom: mi.UInt32
+    band: Divisor
+    last: Divisor
 
     @property
     def size(self) -> int:
@@ -32,21 +46,23 @@ class Grid:
 
     def place(self, pixel: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
         """Column and row of a pixel."""
-        y = pixel // self.width
-        return pixel - y * self.width, y
+        band, within = self.band.divmod(pixel)
+        top = band * BAND
+        x, y = self.last.divmod(within)
+        whole = top < self.bottom
+        x, y = dr.select(whole, within // BAND, x), dr.select(whole, within % BAND, y)
+        return x, top + y
 
     def index(self, x: mi.UInt32, y: mi.UInt32) -> mi.UInt32:
         """Index of the pixel in column ``x`` and row ``y``, which must be in the window."""
-        return mi.UInt32(y * self.width + x)
+        top = y // BAND * BAND
+        high = dr.select(top < self.bottom, BAND, self.last.number)
+        return top * self.width + x * high + (y - top)
 
     def contains(self, x: mi.Int32, y: mi.Int32) -> mi.Bool:
         """Whether a place is in the window."""
         inside = (x >= 0) & (x < mi.Int32(self.width))
         return inside & (y >= 0) & (y < mi.Int32(self.height))
-
-    def beside(self, pixel: mi.UInt32, offset: tuple[int, int]) -> mi.UInt32:
-        """Index of the pixel at an offset (columns, rows); it must be in the window."""
-        return mi.UInt32(mi.Int32(pixel) + offset[1] * mi.Int32(self.width) + offset[0])
 
     def look(
         self, pixel: mi.UInt32, dx: mi.Int32 | int, dy: mi.Int32 | int
@@ -55,9 +71,16 @@ class Grid:
         x, y = self.place(pixel)
         there, below = mi.Int32(x) + dx, mi.Int32(y) + dy
         inside = self.contains(there, below)
-        return dr.select(inside, mi.UInt32(below * mi.Int32(self.width) + there), pixel), inside
+        return dr.select(inside, self.index(mi.UInt32(there), mi.UInt32(below)), pixel), inside
+
+    def beside(self, pixel: mi.UInt32, offset: tuple[int, int]) -> mi.UInt32:
+        """Index of the pixel at an offset (columns, rows); the pixel itself outside the window."""
+        return self.look(pixel, *offset)[0]
 
 
 def grid_of(columns: int, rows: int) -> Grid:
     """The grid of a window of a size in pixels."""
-    return Grid(columns, rows, dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows))
+    bottom = (rows - 1) // BAND * BAND
+    width, height, begin = (dr.opaque(mi.UInt32, value) for value in (columns, rows, bottom))
+    band, last = divisor(BAND * columns), divisor(rows - bottom)
+    return Grid(columns, rows, width, height, begin, band, last)

@@ -41,7 +41,7 @@ from .reservoir import Reservoir, is_sound
 class Sharing:
     """The pixels that share paths.
 
-    Fields: ``scope``, ``hits`` (of all pixels, row-major), ``neighbors`` (k).
+    Fields: ``scope``, ``hits`` (of all pixels), ``neighbors`` (k).
     """
 
     scope: Scope
@@ -53,7 +53,7 @@ class Sharing:
 class Pulled:
     """The path of one neighbour of every pixel, shifted to the pixel.
 
-    Fields: ``source`` (row-major index of the neighbour), ``valid`` (there is one that is reused),
+    Fields: ``source`` (the neighbour), ``valid`` (there is one that is reused),
     ``color`` (F of the shifted path here), ``factor`` (its own p G p), ``weight`` (m_i W_i J_i:
     what F counts with), ``reach`` (c p J: the density with which this pixel makes the neighbour's
     path, for the neighbour's MIS weight; 0 where the neighbour does not weigh its sample against
@@ -95,7 +95,7 @@ def pull(
     Parameters
     ----------
     reservoirs : Reservoir
-        All pixels' reservoirs, row-major.
+        All pixels' reservoirs.
     source : UInt32
         Every pixel's neighbour.
     valid : Bool

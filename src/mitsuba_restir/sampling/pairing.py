@@ -3,6 +3,10 @@
 If p reuses q exactly when q reuses p, the shift from p to q serves both, and spatial reuse needs
 half the shifts (Lin, Kettunen and Wyman 2026). A tile is made once; frames differ by a random
 toroidal offset and reflection of it, so the choice of neighbours is independent of all samples.
+
+What a pixel reads of its partner lies apart for every pixel, and a large image waits for it. So
+blocks of pixels are paired as a whole, and within a pair of blocks pixels by a random reflection:
+what a block reads lies together (:mod:`mitsuba_restir.paths.grid`).
 """
 
 from __future__ import annotations
@@ -14,6 +18,10 @@ import mitsuba as mi
 import numpy as np
 
 from .streams import Stream, uniform2
+
+BLOCK = 4
+"""Side of the blocks that are paired, at most [pixels]; a power of two. With less than two of them
+to the radius there would be few partners to choose from, and blocks are smaller."""
 
 _ROUNDS = 64
 _SEED = 20220704
@@ -72,12 +80,49 @@ def pair_offsets(radius: float, size: int) -> np.ndarray:
     return offsets.reshape(size, size, 2)
 
 
+def block_side(radius: float) -> int:
+    """Side of the blocks that are paired for a reuse radius [pixels]."""
+    side = 1
+    while side < BLOCK and 4 * side <= radius:
+        side *= 2
+    return side
+
+
+def block_offsets(radius: float, size: int) -> np.ndarray:
+    """
+    Random toroidal matching of blocks, and of the pixels in each pair of blocks.
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the disk that partners are drawn from [pixels], give or take a block.
+    size : int
+        Side length of the tile, more than twice the radius and a power of two.
+
+    Returns
+    -------
+    ndarray of int, shape (size, size, 2)
+        As from :func:`pair_offsets`.
+    """
+    side = block_side(radius)
+    blocks = pair_offsets(radius / side, size // side)
+    count = len(blocks)
+    row, column = np.indices((count, count))
+    other = (row + blocks[..., 1]) % count, (column + blocks[..., 0]) % count
+    masks = np.random.default_rng(_SEED).integers(0, side, blocks.shape)
+    # Which pixel of the partner: x ^ mask, its own inverse; one mask for both blocks of a pair.
+    masks ^= masks[other]
+    y, x = np.indices((size, size))
+    block, inner = (y // side, x // side), np.stack([x % side, y % side], axis=-1)
+    return side * blocks[block] + (inner ^ masks[block]) - inner
+
+
 def pairing_tile(radius: float) -> PairingTile:
     """Tile for a reuse radius [pixels], at least six radii wide."""
     size = 64
     while size < 6 * radius:
         size *= 2
-    offsets = pair_offsets(radius, size)
+    offsets = block_offsets(radius, size)
     tile = PairingTile(
         mi.Int32(offsets[..., 0].ravel()), mi.Int32(offsets[..., 1].ravel()), mi.UInt32(size)
     )
@@ -107,8 +152,9 @@ def partner_offset(
     u, v = uniform2(choices, index, 0)
     a, b = uniform2(choices, index, 1)
     swap, mirror = a < 0.5, b < 0.5
-    column = dr.select(swap, y, x) + mi.UInt32(u * tile.size)
-    row = dr.select(swap, x, y) + mi.UInt32(v * tile.size)
+    # By whole blocks, so that those of the tile stay those of the grid.
+    column = dr.select(swap, y, x) + mi.UInt32(u * tile.size) // BLOCK * BLOCK
+    row = dr.select(swap, x, y) + mi.UInt32(v * tile.size) // BLOCK * BLOCK
     row = dr.select(mirror, tile.size - 1 - row % tile.size, row % tile.size)
     entry = row * tile.size + column % tile.size
     along = dr.gather(mi.Int32, tile.dx, entry)

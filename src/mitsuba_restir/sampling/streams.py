@@ -64,7 +64,7 @@ class Stream:
 class PathName:
     """What names a path's stream, as its record stores it.
 
-    Fields: ``pixel`` (source pixel, row-major in the crop window), ``sample`` (running number of
+    Fields: ``pixel`` (source pixel, as the grid counts them), ``sample`` (running number of
     the path tree), ``seed`` (the user's).
     """
 
