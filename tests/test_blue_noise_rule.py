@@ -13,6 +13,7 @@ import pytest
 from support import references
 from support.bias import BiasReport
 from support.modes import Mode
+from support.pixels import image_of, lanes_of
 from support.runs import bias_report, independent_runs, integrator
 from support.scopes import mutation_plan, scope_of
 
@@ -73,7 +74,7 @@ def test_energy_of_an_image_is_the_mask_s_without_wrapping():
 
 def around(values: np.ndarray, mean: float = 1.0) -> Surroundings:
     height, width = values.shape
-    levels = mi.Float(values.ravel().astype(np.float32))
+    levels = mi.Float(lanes_of(values).astype(np.float32))
     result = Surroundings(grid_of(width, height), levels, mi.Float(mean))
     dr.make_opaque(result)
     return result
@@ -85,13 +86,14 @@ def test_change_of_a_pixel_s_energy(rgb):
     values = rng.random((7, 8)).astype(np.float32)
     new = rng.random(values.shape).astype(np.float32)
     pixel = dr.arange(mi.UInt32, values.size)
-    found = energy_change(around(values), pixel, mi.Float(values.ravel()), mi.Float(new.ravel()))
+    old, wanted = (mi.Float(lanes_of(v)) for v in (values, new))
+    found = energy_change(around(values), pixel, old, wanted)
     expected = np.zeros(values.shape)
     for y, x in np.ndindex(*values.shape):
         changed = values.copy()
         changed[y, x] = new[y, x]
         expected[y, x] = brute_force(changed)[y, x] - brute_force(values)[y, x]
-    np.testing.assert_allclose(np.array(found).reshape(values.shape), expected, atol=2e-5)
+    np.testing.assert_allclose(image_of(found, 8, 7), expected, atol=2e-5)
 
 
 def test_values_are_between_0_and_1(rgb):
@@ -223,7 +225,7 @@ def test_the_luminance_of_a_pixel_does_not_change(rgb, rule, weight):
     was, updated, compared = (v / (v + mean) for v in (before, after, mixed))
     pixel = dr.arange(mi.UInt32, was.size)
     changes = [
-        np.array(energy_change(around(was), pixel, mi.Float(was.ravel()), mi.Float(v.ravel())))
+        np.array(energy_change(around(was), pixel, *(mi.Float(lanes_of(a)) for a in (was, v))))
         for v in (updated, compared)
     ]
     # Of what is shown: rounding. Of what the rule compares: many temperatures.

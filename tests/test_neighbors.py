@@ -15,6 +15,7 @@ from support import references
 from support.bias import BiasReport
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
+from support.pixels import image_of, lanes_of
 from support.runs import assert_unbiased, bias_report, independent_runs, integrator
 from support.scopes import scope_of
 
@@ -152,9 +153,9 @@ def synthetic(
     ranks = rank_pixels(
         grid_of(width, height),
         groups,
-        mi.UInt32(labels.ravel().astype(np.uint32)),
-        mi.Float(values.ravel().astype(np.float32)),
-        mi.Float(confidence.ravel().astype(np.float32)),
+        mi.UInt32(lanes_of(labels).astype(np.uint32)),
+        mi.Float(lanes_of(values).astype(np.float32)),
+        mi.Float(lanes_of(confidence).astype(np.float32)),
         choices(seed),
     )
     dr.eval(ranks)
@@ -178,13 +179,13 @@ def test_every_path_is_taken_as_often_as_paths_are_asked_for(rgb, height, width,
     ranks = synthetic(values, groups, 5, labels)
     n = height * width
     pixel = np.arange(n)
-    used = labels.ravel() != NOWHERE
+    used = lanes_of(labels) != NOWHERE
     count = np.array(ranks.count)
     assert np.array_equal(count > 0, used)
     slots, takers = [], []
     for j in range(neighbors):
         source = np.array(ranks.source(mi.UInt32(j), neighbors))
-        assert np.array_equal(labels.ravel()[source[used]], labels.ravel()[used])
+        assert np.array_equal(lanes_of(labels)[source[used]], lanes_of(labels)[used])
         slots.append(source)
         taker, slot = ranks.taker(j, neighbors)
         takers.append((np.array(taker), np.array(slot)))
@@ -203,7 +204,7 @@ def test_a_pixel_takes_one_path_of_each_stratum_in_the_order_of_the_mask(rgb, bl
     values = rng.lognormal(size=(64, 80))
     ranks = synthetic(values, scattered_groups(mask_texture(blue), 20.0), 2)
     picks = np.stack(
-        [values.ravel()[np.array(ranks.source(mi.UInt32(j), 3))] for j in range(3)], axis=-1
+        [lanes_of(values)[np.array(ranks.source(mi.UInt32(j), 3))] for j in range(3)], axis=-1
     )
     first, mask, count = (np.array(a) for a in (ranks.first, ranks.mask, ranks.count))
     assert count.max() == 81
@@ -213,7 +214,7 @@ def test_a_pixel_takes_one_path_of_each_stratum_in_the_order_of_the_mask(rgb, bl
     # Each pick's rank in its class, as a share of it: one in each third, up to a rank.
     for begin in np.unique(first):
         inside = first == begin
-        place = np.searchsorted(np.sort(values.ravel()[inside]), picks[inside]) / inside.sum()
+        place = np.searchsorted(np.sort(lanes_of(values)[inside]), picks[inside]) / inside.sum()
         offset = 3 * place - np.arange(3)
         assert offset.min() > -3 / inside.sum() - 1e-9
         assert offset.max() < 1
@@ -247,7 +248,8 @@ def test_the_error_of_the_picks_is_bluer_by_a_blue_mask(rgb, blue):
             values = rng.exponential(size=(192, 192))
             exchange = synthetic(values, groups, seed)
             picks = [np.array(exchange.source(mi.UInt32(j), 3)) for j in range(3)]
-            errors.append(values.ravel()[np.array(picks)].mean(axis=0).reshape(192, 192) - 1)
+            found = lanes_of(values)[np.array(picks)].mean(axis=0)
+            errors.append(image_of(found, 192, 192) - 1)
         powers[name] = band_power(power_spectrum(np.array(errors)), [(0.02, 0.06), (0.06, 0.17)])
     # Independent picks have the power 1/3.
     assert powers["white"][1] < 0.25
@@ -353,12 +355,12 @@ def feedback(groups: Groups, own: bool, frames: int) -> np.ndarray:
         confidence = np.where(fresh, 1.0, 20.0)
         ranks = synthetic(values, groups, seed, confidence=confidence)
         picks = np.array([np.array(ranks.source(mi.UInt32(j), 2)) for j in range(2)])
-        m = confidence.ravel()
+        m = lanes_of(confidence)
         if own:
             handed_on = m + m[picks].sum(axis=0)
         else:
             handed_on = np.array(expected_confidence(mi.Float(m.astype(np.float32)), ranks, 2))
-        mean = values.ravel()[picks].mean(axis=0)
+        mean = lanes_of(values)[picks].mean(axis=0)
         result.append(np.mean(handed_on / (handed_on + 1) * (mean - 1)))
     return np.array(result)
 

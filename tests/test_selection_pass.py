@@ -18,6 +18,7 @@ import pytest
 from scipy import stats
 from support import rooms
 from support.mutants import Mutation, apply
+from support.pixels import image_of, lanes_of, order
 
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.neighbors import color_history
@@ -82,7 +83,7 @@ def edges(rgb):
 
 def color(values):
     """``Color3f`` on the device from an array that broadcasts to (3, HEIGHT, WIDTH)."""
-    values = np.broadcast_to(values, (3, HEIGHT, WIDTH)).reshape(3, -1).astype(np.float32)
+    values = lanes_of(np.broadcast_to(values, (3, HEIGHT, WIDTH)).astype(np.float32))
     # The sum makes arrays of Dr.Jit's own; how NumPy's are aligned differs from call to call.
     result = mi.Color3f([mi.Float(channel.copy()) for channel in values]) + dr.opaque(mi.Float, 0)
     dr.eval(result)
@@ -91,7 +92,7 @@ def color(values):
 
 def image(values):
     """(HEIGHT, WIDTH, 3) array of a ``Color3f``."""
-    return np.stack([np.array(channel) for channel in values], axis=-1).reshape(HEIGHT, WIDTH, 3)
+    return np.stack([image_of(channel, WIDTH, HEIGHT) for channel in values], axis=-1)
 
 
 def key(sample, seed):
@@ -137,7 +138,7 @@ def test_only_candidates_are_shown(wall):
     valid = np.random.default_rng(1).random((PAIRS + 1, HEIGHT, WIDTH)) < 0.6
     valid[0] = True
     values, mean, reference = random_frame(valid=valid)
-    estimators = PairEstimators([color(v) for v in values], [mi.Bool(v.ravel()) for v in valid])
+    estimators = PairEstimators([color(v) for v in values], [mi.Bool(lanes_of(v)) for v in valid])
     shown = chosen(wall, color(mean), estimators, color(reference))
     pairs = valid.sum(0) - 1
     options = [(mean, np.ones_like(valid[0]))]
@@ -173,8 +174,8 @@ def test_every_choice_is_the_best_when_it_is_made(wall):
     values, mean, reference = random_frame(shape=4.0)
     estimators = PairEstimators([color(v) for v in values], everywhere())
     shown = chosen(wall, color(mean), estimators, color(reference), sample=5)
-    order = uniform2(key(5, 1).stream(Purpose.SELECTION, 0), 0, 0)
-    pixel, inside = pixels_of_set(8, order)
+    turns = uniform2(key(5, 1).stream(Purpose.SELECTION, 0), 0, 0)
+    pixel, inside = pixels_of_set(8, turns)
     last = np.array(pixel)[np.array(inside)]
     wide = np.pad(shown - reference.transpose(1, 2, 0), ((2, 2), (2, 2), (0, 0)))
     wanted = -sum(
@@ -185,7 +186,7 @@ def test_every_choice_is_the_best_when_it_is_made(wall):
 
     def cost(option):
         error = option - reference.transpose(1, 2, 0)
-        return ((error - wanted) ** 2).sum(-1).ravel()[last]
+        return lanes_of(((error - wanted) ** 2).sum(-1))[last]
 
     own, plain = cost(shown), mean.transpose(1, 2, 0)
     for value in values:
@@ -210,27 +211,28 @@ def test_sets_cover_the_image_once(rgb):
 def test_similar_neighbors_and_local_mean(edges, step):
     grid = grid_of(*SIZE)
     alike = similar_neighbors(grid, edges, step)
-    bits = np.array(alike).reshape(HEIGHT, WIDTH)
+    bits = image_of(alike, WIDTH, HEIGHT)
     values = np.random.default_rng(0).random((HEIGHT, WIDTH)).astype(np.float32)
-    means = np.array(local_mean(grid, mi.Float(values.ravel()), alike, step))
+    means = image_of(local_mean(grid, mi.Float(lanes_of(values)), alike, step), WIDTH, HEIGHT)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     total, count = values.astype(float), np.ones((HEIGHT, WIDTH))
     for i, (dx, dy) in enumerate(OFFSETS):
         there_x, there_y = x + step * dx, y + step * dy
         inside = (there_x >= 0) & (there_x < WIDTH) & (there_y >= 0) & (there_y < HEIGHT)
-        index = np.where(inside, there_y * WIDTH + there_x, 0).ravel()
+        there = np.where(inside, there_y, 0), np.where(inside, there_x, 0)
+        index = lanes_of(order(WIDTH, HEIGHT)[there])
         other = dr.gather(type(edges), edges, mi.UInt32(index))
-        expected = inside & np.array(similar(edges, other)).reshape(HEIGHT, WIDTH)
+        expected = inside & image_of(similar(edges, other), WIDTH, HEIGHT)
         np.testing.assert_array_equal((bits >> i) & 1, expected)
-        total += np.where(expected, values.ravel()[index].reshape(HEIGHT, WIDTH), 0)
+        total += np.where(expected, values[there], 0)
         count += expected
-    np.testing.assert_allclose(means, (total / count).ravel(), rtol=1e-5)
+    np.testing.assert_allclose(means, total / count, rtol=1e-5)
     assert count.min() < count.max() == len(OFFSETS) + 1
 
 
 def test_nothing_leaks_across_edges(edges):
     # What the pixels of the sheet have does not change what is shown of the wall.
-    sheet = (np.array(edges.vertex.p.z) > 1).reshape(HEIGHT, WIDTH)
+    sheet = image_of(edges.vertex.p.z, WIDTH, HEIGHT) > 1
     assert 0.2 < sheet.mean() < 0.8
     shown = {}
     for factor, changing in itertools.product((1.0, 50.0), (False, True)):
@@ -337,7 +339,7 @@ def sequence(hits, field, fed_by_itself=False):
         values, used = estimates(rng, field)
         bright = np.multiply.outer(field.tint, light(field, frame))
         colors = [color(v * bright) for v in values]
-        valid = [mi.Bool(v.ravel()) for v in used]
+        valid = [mi.Bool(lanes_of(v)) for v in used]
         sample = dr.opaque(mi.UInt32, frame)
         history, mean, shown = step(hits, history, colors, valid, sample, seed)
         if frame >= WARMUP:

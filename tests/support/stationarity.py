@@ -27,6 +27,7 @@ from mitsuba_restir.shifts.scope import Scope
 
 from .bias import BiasReport
 from .modes import Mode
+from .pixels import image_of
 from .references import Case
 from .runs import bias_report, integrator
 from .scopes import mutate, mutation_plan, scope_maker
@@ -59,7 +60,7 @@ def differences(
         history = renderer._history
         number = dr.opaque(mi.UInt32, 1000 + seed)
         d = recorded(scene, history.reservoirs, history.hits, other, inside, number)
-        yield np.array(d).T.reshape(height, width, 3).astype(np.float64)
+        yield np.moveaxis(image_of(d, width, height), 0, -1).astype(np.float64)
 
 
 def _difference(renderer: Any, mutations: int, step: float) -> Any:

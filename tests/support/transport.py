@@ -21,6 +21,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.primary_hit import PrimaryHit
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.paths.vertex import exists
@@ -29,6 +30,7 @@ from mitsuba_restir.shifts import hybrid
 
 from .bias import BiasReport
 from .modes import Mode
+from .pixels import image_of
 from .references import Case
 from .runs import bias_report, integrator
 from .scopes import scope_maker
@@ -49,12 +51,8 @@ def candidates(
 
 def neighbour(scene: mi.Scene, offset: tuple[int, int]) -> tuple[Any, Any]:
     """Index of the pixel at an offset (columns, rows) from each pixel, and whether it exists."""
-    width, height = scene.sensors()[0].film().crop_size()
-    pixel = dr.arange(mi.UInt32, width * height)
-    x = mi.Int32(pixel % width) + offset[0]
-    y = mi.Int32(pixel // width) + offset[1]
-    inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
-    return dr.select(inside, mi.UInt32(y * width + x), 0), inside
+    grid = grid_of(*scene.sensors()[0].film().crop_size())
+    return grid.look(grid.pixels(), *offset)
 
 
 def recorded_shift(renderer: Any) -> Any:
@@ -80,7 +78,7 @@ def transport_errors(
         if recorded is None:
             recorded = dr.freeze(_errors(renderer))
         d = recorded(scene, scene.sensors()[0], reservoirs, hits, other, inside)
-        yield np.array(d).T.reshape(height, width, 3).astype(np.float64)
+        yield np.moveaxis(image_of(d, width, height), 0, -1).astype(np.float64)
 
 
 def _errors(renderer: Any) -> Any:

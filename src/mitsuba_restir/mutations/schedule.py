@@ -21,7 +21,6 @@ from .kind import Mutation, MutationPlan
 from .pivot import MutationClass
 
 
-
 def stride(interval: int) -> int:
     """The s that spreads the points with x + s y = 0 mod ``interval`` most evenly over the plane.
 
