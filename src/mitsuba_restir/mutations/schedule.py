@@ -36,7 +36,7 @@ def stride(interval: int) -> int:
 
 
 def pixels_of_set(grid: Grid, interval: int, turn: mi.UInt32) -> tuple[mi.UInt32, mi.Bool]:
-    """The pixels whose turn it is, by blocks: those (x, y) with y + s x + turn = 0 mod ``interval``.
+    """The pixels whose turn it is: blocks (x, y) with y + s x + turn = 0 mod ``interval``.
 
     A block's pixels have their turn together, since they are stored together: what is not mutated
     is not read either.
