@@ -59,11 +59,28 @@ def test_every_view_shows_something(rgb, view):
     assert published.parts[0][:2] == b"\xff\xd8"
 
 
-@pytest.mark.parametrize("view", ["acceptance", "guide", "error"])
-def test_a_view_of_what_is_not_there_says_why(rgb, view):
+@pytest.mark.parametrize(
+    ("view", "parameters"),
+    [
+        ("acceptance", {}),
+        ("acceptance", {"mutations": 1, "mutation_interval": 2}),
+        ("guide", {}),
+        ("error", {}),
+    ],
+)
+def test_a_view_of_what_is_not_there_says_why(rgb, view, parameters):
     renderer = _renderer()
+    settings = Settings((Side(parameters, view=view), Side()))
     with pytest.raises(ValueError, match=VIEWS[view].title.split()[0]):
-        _director(renderer).picture(_task(renderer, Settings((Side(view=view), Side()))))
+        _director(renderer).picture(_task(renderer, settings))
+
+
+def test_auxiliary_images_are_those_of_the_integrator(rgb):
+    renderer = _renderer()
+    shot = renderer.shoot(Side(view="depth"), renderer.home, SIZE, timed=False)
+    own = mi.load_dict({"type": "restir_pt", "aovs": "depth"})
+    depth = np.array(own.render(renderer.scene, renderer.sensor, seed=0, spp=1))[..., 3]
+    assert np.corrcoef(shot.auxiliary("depth").ravel(), depth.ravel())[0, 1] > 0.999
 
 
 def test_motion_is_where_surfaces_were(rgb):

@@ -44,6 +44,12 @@ class Grid:
         """Index of every pixel."""
         return dr.arange(mi.UInt32, self.size)
 
+    def by_rows(self) -> mi.UInt32:
+        """Index of every pixel, row by row: gathered by it, an array is an image."""
+        lane = self.pixels()
+        y = lane // self.width
+        return self.index(lane - y * self.width, y)
+
     def place(self, pixel: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
         """Column and row of a pixel."""
         band, within = self.band.divmod(pixel)

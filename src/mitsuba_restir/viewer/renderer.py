@@ -23,6 +23,7 @@ from ..imageio import Image, with_rgb
 from ..integrators.frame_data import Frame
 from ..integrators.recording import frame_alone
 from ..passes.shade import AOVS, Shown
+from ..paths.grid import grid_of
 from . import timing
 from .camera import Pose, matrix_of, pose_of
 from .model import Side, effective
@@ -88,8 +89,11 @@ class Shot:
     def channels(self, values: list[mi.Float]) -> npt.NDArray[np.float32]:
         """Values of every pixel as an image, (H, W, C)."""
         width, height = self.size
-        whole = [np.broadcast_to(np.array(value), width * height) for value in values]
-        return np.stack(whole, axis=-1).reshape(height, width, len(values))
+        rows = grid_of(width, height).by_rows()
+        # A value that is the same everywhere has one entry only.
+        whole = [value + dr.zeros(mi.Float, width * height) for value in values]
+        image = [np.array(dr.gather(mi.Float, value, rows)) for value in whole]
+        return np.stack(image, axis=-1).reshape(height, width, len(values))
 
 
 class Renderer:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
@@ -138,10 +139,11 @@ def _duplication(shot: Shot, *_: object) -> Drawn:
 def _acceptance(shot: Shot, *_: object) -> Drawn:
     mutated = shot.frame.mutated
     assert mutated is not None
-    tried = np.array(mutated.kind) < len(MutationClass.names())
-    share = np.where(tried, np.array(mutated.accepted) / int(shot.side.value("mutations")), np.nan)
-    picture = sequential(share.reshape(shot.image.shape[:2]))
-    return Drawn(picture, "dark none, bright all mutations accepted")
+    with frame_alone():
+        tried = mutated.kind < len(MutationClass.names())
+        accepted = mi.Float(mutated.accepted) / float(shot.side.value("mutations"))
+        share = shot.channels([dr.select(tried, accepted, dr.nan)])
+    return Drawn(sequential(share[..., 0]), "dark none, bright all mutations accepted")
 
 
 def _guide(shot: Shot, *_: object) -> Drawn:
@@ -189,11 +191,18 @@ def nice(largest: float) -> float:
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= largest)
 
 
-def _wants(name: str, title: str) -> Callable[[Side, Reference | None], str]:
-    def missing(side: Side, _: Reference | None) -> str:
-        return "" if side.value(name) else f"{title}: set {name}"
+def _without_guide(side: Side, _: Reference | None) -> str:
+    return "" if side.value("guiding") else "Guide: set guiding"
 
-    return missing
+
+def _without_all_mutated(side: Side, _: Reference | None) -> str:
+    if not side.value("mutations"):
+        return "Acceptance of mutations: set mutations"
+    return (
+        ""
+        if side.value("mutation_interval") == 1
+        else ("Acceptance of mutations: set mutation_interval to 1, so that every pixel has some")
+    )
 
 
 def _without_denoiser(*_: object) -> str:
@@ -225,10 +234,8 @@ VIEWS = {
     "motion": View("Motion", _motion),
     "confidence": View("Confidence", _confidence),
     "duplication": View("Duplicated paths", _duplication),
-    "acceptance": View(
-        "Acceptance of mutations", _acceptance, _wants("mutations", "Acceptance of mutations")
-    ),
-    "guide": View("Guide", _guide, _wants("guiding", "Guide")),
+    "acceptance": View("Acceptance of mutations", _acceptance, _without_all_mutated),
+    "guide": View("Guide", _guide, _without_guide),
     "error": View("Error", _error, _without_reference, still=True),
 }
 """The views by name."""
