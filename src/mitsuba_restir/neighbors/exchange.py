@@ -13,13 +13,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
+import drjit as dr
 import mitsuba as mi
 
 from ..resampling.pairwise import Pulled, Sharing
 from ..resampling.reservoir import Reservoir
 from ..sampling.streams import Stream
+
+Found = TypeVar("Found")
+
+TOGETHER = 3
+"""Neighbours that a kernel shifts at most: it reads once what their shifts have in common, and takes
+the longer to compile."""
 
 
 @dataclass
@@ -52,3 +59,16 @@ class Strategy:
 
     layout: Callable[[float], Any]
     exchange: Callable[[Sharing, Any, Reservoir, Stream], Exchange]
+
+
+def for_each_neighbor(shift: Callable[[mi.UInt32], Found], neighbors: int) -> list[Found]:
+    """What is found of every neighbour, by their numbers, :data:`TOGETHER` to a kernel."""
+    size = -(-neighbors // -(-neighbors // TOGETHER))
+    found: list[Found] = []
+    for first in range(0, neighbors, size):
+        numbers = range(first, min(first + size, neighbors))
+        # Opaque, so that kernels of as many neighbours are the same.
+        several = [shift(dr.opaque(mi.UInt32, number)) for number in numbers]
+        dr.eval(several)
+        found += several
+    return found

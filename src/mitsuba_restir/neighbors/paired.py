@@ -11,24 +11,23 @@ from ..resampling.pairwise import Pulled, Sharing, canonical_share, pull
 from ..resampling.reservoir import Reservoir
 from ..sampling.pairing import PairingTile, partner_offset
 from ..sampling.streams import Stream
-from .exchange import Exchange
+from .exchange import Exchange, for_each_neighbor
 from .similarity import similar
 
 
 def paired(sharing: Sharing, tile: PairingTile, reservoirs: Reservoir, choices: Stream) -> Exchange:
     """Exchange paths in pairs, see :mod:`mitsuba_restir.sampling.pairing`."""
     hits = sharing.hits
-    pulled = []
-    for j in range(sharing.neighbors):
-        # Opaque, so that all neighbours share one kernel.
-        other, inside = partner(sharing.scope.grid, tile, choices, dr.opaque(mi.UInt32, j))
+
+    def pull_partner(number: mi.UInt32) -> Pulled:
+        other, inside = partner(sharing.scope.grid, tile, choices, number)
         there = dr.gather(PrimaryHit, hits, other, inside)
         # Similarity need not be symmetric: each side's own test decides whether it reuses the
         # other.
         valid = inside & similar(hits, there)
-        theirs = pull(sharing, reservoirs, other, valid, inside & similar(there, hits))
-        dr.eval(theirs)
-        pulled.append(theirs)
+        return pull(sharing, reservoirs, other, valid, inside & similar(there, hits))
+
+    pulled = for_each_neighbor(pull_partner, sharing.neighbors)
     shares, confidence = [], mi.Float(reservoirs.confidence)
     for theirs in pulled:
         shares.append(_mutual_share(sharing, reservoirs, theirs))

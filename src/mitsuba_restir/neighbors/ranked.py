@@ -23,7 +23,7 @@ from ..resampling.reservoir import Reservoir
 from ..sampling.dither import mask_texture
 from ..sampling.masks import load_mask
 from ..sampling.streams import Stream
-from .exchange import Exchange
+from .exchange import Exchange, for_each_neighbor
 from .ranks import Groups, Ranks, rank_pixels, scattered_groups, surface_labels
 
 BLOCK = 16
@@ -50,14 +50,14 @@ def ranked(sharing: Sharing, groups: Groups, reservoirs: Reservoir, choices: Str
     dr.eval(ranks)
     pixel = grid.pixels()
     shared = ranks.count > 1
-    pulled = []
-    for j in range(sharing.neighbors):
-        source = ranks.source(dr.opaque(mi.UInt32, j), sharing.neighbors)
+
+    def pull_source(number: mi.UInt32) -> Pulled:
+        source = ranks.source(number, sharing.neighbors)
         # A pixel that meets itself has g_i = g_0, and needs no shift.
         other = shared & (source != pixel)
-        theirs = pull(sharing, reservoirs, source, other, other)
-        dr.eval(theirs)
-        pulled.append(replace(theirs, valid=shared))
+        return replace(pull(sharing, reservoirs, source, other, other), valid=shared)
+
+    pulled = for_each_neighbor(pull_source, sharing.neighbors)
     shares = _circulating_shares(sharing, reservoirs, ranks, pulled)
     confidence = expected_confidence(reservoirs.confidence, ranks, sharing.neighbors)
     return Exchange(pulled, shares, confidence, [theirs.outcome for theirs in pulled])
