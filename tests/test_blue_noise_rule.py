@@ -147,9 +147,11 @@ def test_sets_are_a_partition_of_distant_pixels(rgb):
     for size in ((1, 1), (7, 5), (8, 12)):
         found = []
         for number in range(SPACING**2):
-            pixel, inside = spaced_pixels(grid_of(*size), SPACING, mi.UInt32(number))
-            chosen = np.array(pixel)[np.array(inside)]
-            x, y = chosen % size[0], chosen // size[0]
+            grid = grid_of(*size)
+            pixel, inside = spaced_pixels(grid, SPACING, mi.UInt32(number))
+            there = np.array(inside)
+            chosen = np.array(pixel)[there]
+            x, y = (np.array(value)[there] for value in grid.place(pixel))
             assert len(np.unique(x % SPACING)) <= 1
             assert len(np.unique(y % SPACING)) <= 1
             found += chosen.tolist()
@@ -274,7 +276,7 @@ def image_bias(**extra: Any) -> BiasReport:
     reference, variance = references.load("grooves")
     mode = reusing(1, **extra)
     renderer = integrator(case.max_depth, mode)
-    return bias_report(independent_runs(renderer, case.load(), mode), 256, reference, variance)
+    return bias_report(independent_runs(renderer, case.load(), mode), 512, reference, variance)
 
 
 def test_the_rule_biases_what_reuses_its_paths(rgb):

@@ -104,7 +104,7 @@ CASES = {
     "light": (LIGHT, {"spatial": False}, 128),
     "furniture": (FURNITURE, {"room": "furniture", "spatial": False, "mutations": 1}, 64),
     # Without the mesh: what moves one is traced again in every frame, and takes much longer.
-    "all": (OBJECT[1:] + LIGHT, {"camera": True, **MIXED}, 128),
+    "all": (OBJECT[1:] + LIGHT, {"camera": True, **MIXED}, 192),
 }
 
 
