@@ -291,7 +291,9 @@ POWER = {
     ids=lambda x: x if isinstance(x, str) else f"{x.frames}",
 )
 def test_unbiased(rgb, name, mode):
-    assert_unbiased(report(name, mode, 128), f"{name}-blue_noise", POWER[name])
+    # One block of `emitters` lives on a rare, bright path, which 128 runs may not have.
+    runs = 768 if name == "emitters" else 128
+    assert_unbiased(report(name, mode, runs), f"{name}-blue_noise", POWER[name])
 
 
 @pytest.mark.parametrize(("name", "mode"), [("room", BOTH), ("emitters", SPATIAL_1)])
