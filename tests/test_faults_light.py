@@ -222,7 +222,7 @@ def test_shares_are_a_partition_where_they_overflow(rgb):
 
 def test_the_color_history_forgets_what_is_not_finite(rgb):
     """Of three pixels, two are not finite: one in this frame, one by the square of its values."""
-    past = ColorHistory(mi.Color3f(1), mi.Float(5))
+    past = ColorHistory(mi.Color3f(1), mi.Float(5), mi.Color3f(0), mi.UInt32(0))
     now = remember(past, mi.Color3f(mi.Float([2, np.inf, np.nan])))
     np.testing.assert_array_equal(np.array(now.color)[0, 1:], 1)
     assert np.array(now.color)[0, 0] > 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import gc
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -29,6 +29,7 @@ from mitsuba_restir.passes.primary import primary
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
 from mitsuba_restir.sampling.streams import FrameKey, Purpose, uniform2
+from mitsuba_restir.shifts.scope import Scope
 
 WIDTH, HEIGHT = 96, 64
 SIZE = (WIDTH, HEIGHT)
@@ -38,6 +39,10 @@ ERRORS = 5.0
 """Standard errors between an estimated bias and its bound, by 5 batches of frames that are about as
 long as the history's memory: on either side of the bound a bias just at it would be missed once in
 270 tests. Seeds are fixed."""
+
+
+NOWHERE = Scope(*[None] * len(fields(Scope)))
+"""Selection wants to know the grid and the frame only."""
 
 
 # --------------------------------- made-up frames -------------------------------------------------
@@ -144,6 +149,8 @@ def test_only_candidates_are_shown(wall):
     for value, used in zip(values, valid, strict=True):
         step = (mean - value) / np.maximum(pairs, 1)
         options += [(mean + step, used & (pairs > 1)), (mean - step, used & (pairs > 1))]
+    for i, j in itertools.combinations(range(PAIRS + 1), 2):
+        options.append(((values[i] + values[j]) / 2, valid.all(0)))
     # Convex combinations of estimates: nothing becomes negative.
     assert all((option[:, used] >= -1e-6).all() for option, used in options)
     distance = np.stack(
@@ -164,7 +171,7 @@ def test_no_candidate_is_below_zero(rgb):
     pixels = PairEstimators([color(v) for v in np.roll(values, 1, axis=0)], everywhere())
     mean = sum(pixels.colors, mi.Color3f(0)) / (PAIRS + 1)
     lowest = [float(dr.min(dr.min(c))[0]) for c, _ in select.candidates(pixels, mean)]
-    assert len(lowest) == 2 * (PAIRS + 1)
+    assert len(lowest) == 2 * (PAIRS + 1) + 6
     assert min(lowest) == 0
 
 
@@ -240,7 +247,7 @@ def test_nothing_leaks_across_edges(edges):
         past = color(reference * np.where(sheet, 3.0 * factor, 1.0))
         if changing:
             brighter = color(mean * scale)
-            past = color_history.relit(grid_of(*SIZE), past, brighter, *neighborhoods(edges))
+            past *= color_history.brightness(grid_of(*SIZE), past, brighter, *neighborhoods(edges))
         shown[factor, changing] = chosen(edges, color(mean * scale), estimators, past)
     for changing in (False, True):
         a, b = shown[1.0, changing], shown[50.0, changing]
@@ -312,21 +319,13 @@ def sequence(hits, field, fed_by_itself=False):
     def step(hits, before, colors, valid, sample, seed):
         mean = sum(colors[1:], colors[0]) / sum(dr.select(v, mi.Float(1), 0) for v in valid)
         dr.eval(mean)
-        grid = grid_of(*SIZE)
-        alike, further = neighborhoods(hits)
-        if field.speed:
-            past = color_history.clamped(grid, before.color, mean, alike)
-            before = ColorHistory(past, before.frames)
-        history = remember(before, mean)
-        dr.eval(history)
-        past = history.color
-        if field.speed:
-            past = color_history.relit(grid, past, mean, alike, further)
         estimators = PairEstimators(colors, valid)
-        frame = FrameKey(sample, seed)
-        shown = select.choose(grid, frame, mean, estimators, past, alike)
+        scope = replace(NOWHERE, grid=grid_of(*SIZE), key=FrameKey(sample, seed))
+        shown, history = select.select(
+            scope, hits, mean, estimators, before, changing=field.speed > 0
+        )
         if fed_by_itself:
-            history = remember(before, shown)
+            history = replace(history, color=remember(before, shown).color)
         dr.eval(history, shown)
         return history, mean, shown
 
@@ -378,7 +377,7 @@ CONTROLS = {
     "history of plain averages": ("heavy tails", None),
     "brightness of the frame": (
         "moving shadow edge",
-        Mutation("color * dr.select(before > 0, now / before, 0)", "mi.Color3f(color)"),
+        Mutation("dr.select(before > 0, now / before, 0)", "mi.Float(1)"),
     ),
     "clamp to the frame": (
         "moving shadow edge",

@@ -15,8 +15,8 @@ import drjit as dr
 import mitsuba as mi
 
 from ..guiding.policy import Findings, Learnt, findings_of, policy_of, taught
-from ..neighbors.color_history import ColorHistory
-from ..neighbors.reproject import Motion, nowhere, reproject
+from ..neighbors.color_history import carried
+from ..neighbors.reproject import nowhere, reproject
 from ..neighbors.strategies import STRATEGIES
 from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
@@ -87,7 +87,7 @@ def sample_paths(
         [],
         Found(motion.valid, motion.moved, motion.lost),
         motion.flow if parameters.aovs else mi.Vector2f(0),
-        _colors_at(history, motion),
+        None if history.colors is None else carried(scope.grid, history.colors, motion),
         beside,
         learnt,
         findings,
@@ -208,9 +208,3 @@ def share_paths(
     dr.eval(color, extra, beside)
     history = History(kept, now.hit, colors, sampled.learnt)
     return Frame(color, extra, outcomes, sampled.found, mutated, beside, history)
-
-
-def _colors_at(history: History, motion: Motion) -> ColorHistory | None:
-    if history.colors is None:
-        return None
-    return dr.gather(ColorHistory, history.colors, motion.pixel, motion.valid)

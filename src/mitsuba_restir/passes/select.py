@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import accumulate
+from itertools import combinations
 
 import drjit as dr
 import mitsuba as mi
@@ -43,7 +43,14 @@ from ..neighbors.around import (
     similar_neighbors,
     spaced_pixels,
 )
-from ..neighbors.color_history import ColorHistory, clamped, relit, remember
+from ..neighbors.color_history import (
+    ColorHistory,
+    aimed,
+    brightness,
+    clamped,
+    remember,
+    smoothed,
+)
 from ..paths.grid import Grid
 from ..paths.primary_hit import PrimaryHit
 from ..resampling.pairwise import PairEstimators
@@ -60,6 +67,10 @@ LIMIT = 3.5
 """Largest error that counts, channel by channel, relative to the mean of the history in 3x3 pixels.
 Where estimates have heavy tails, half of it makes the image too bright, twice of it too dark; with
 it the sign depends on the tail (gamma-distributed ones: -2 to +4 %)."""
+
+
+MOST_PAIRED = 8
+"""Up to so many estimates there are means without pairs, which are as many as pairs."""
 
 
 def select(
@@ -83,15 +94,31 @@ def select(
         the brightness of the frame.
     """
     grid = scope.grid
-    alike = similar_neighbors(grid, hit)
+    alike, further = similar_neighbors(grid, hit), similar_neighbors(grid, hit, step=2)
+    dr.eval(alike, further)
     if changing:
         before = replace(before, color=clamped(grid, before.color, mean, alike))
-    colors = remember(before, mean)
-    dr.eval(colors, alike)
-    reference = colors.color
+    colors = replace(remember(before, mean), alike=alike)
+    dr.eval(colors)
+    reference = wanted_color(grid, colors, alike, further)
     if changing:
-        reference = relit(grid, reference, mean, alike, similar_neighbors(grid, hit, step=2))
-    return choose(grid, scope.key, mean, estimators, reference, alike), colors
+        reference *= brightness(grid, colors.color, mean, alike, further)
+    shown = choose(grid, scope.key, mean, estimators, reference, alike)
+    return shown, colors if changing else aimed(colors, shown, mean)
+
+
+def wanted_color(
+    grid: Grid, colors: ColorHistory, alike: mi.UInt32, further: mi.UInt32
+) -> mi.Color3f:
+    """What errors are measured against: the colour history, smoothed, less the excess.
+
+    Parameters
+    ----------
+    alike, further : UInt32
+        Results of :func:`mitsuba_restir.neighbors.around.similar_neighbors` at step 1 and 2.
+    """
+    color = dr.maximum(colors.color - colors.excess, 0)
+    return smoothed(grid, smoothed(grid, color, alike), further, step=2)
 
 
 def choose(
@@ -148,17 +175,32 @@ def choose(
 
 def candidates(estimators: PairEstimators, mean: mi.Color3f) -> list[tuple[mi.Color3f, mi.Bool]]:
     """A pixel's candidates beside the mean, and whether it has this one."""
-    pairs = sum(dr.select(valid, mi.Float(1), 0) for valid in estimators.valid[1:])
-    colors, none = estimators.colors, mi.Color3f(0)
-    before = accumulate(colors, initial=none)
-    after = [*accumulate(colors[:0:-1], initial=none)][::-1]
+    colors, valid = estimators.colors, estimators.valid
+    count = sum((dr.select(used, mi.Float(1), 0) for used in valid), mi.Float(0))
     found = []
-    for color, valid, earlier, later in zip(colors, estimators.valid, before, after, strict=False):
+    for i, color in enumerate(colors):
+        others = total(colors, (i,))
+        usable = valid[i] & (count > 2)
         # The sum of the others, not m + (m - g) / k: its rounding can be below zero.
-        without = (earlier + later) / dr.maximum(pairs, 1)
-        mirrored = mean - (mean - color) / dr.maximum(pairs, 1)
-        found += [(without, valid & (pairs > 1)), (mirrored, valid & (pairs > 1))]
+        without = others / dr.maximum(count - 1, 1)
+        mirrored = mean - (mean - color) / dr.maximum(count - 1, 1)
+        found += [(without, usable), (mirrored, usable)]
+    if len(colors) <= MOST_PAIRED:
+        for i, j in combinations(range(len(colors)), 2):
+            others = total(colors, (i, j))
+            usable = valid[i] & valid[j] & (count > 3)
+            found.append((others / dr.maximum(count - 2, 1), usable))
+            if len(colors) > 4:  # of four, it is the mean without the other two
+                both = 2 * (colors[i] + colors[j])
+                rest = (count - 4) / dr.maximum(count - 2, 1) * others
+                found.append(((both + rest) / count, usable))
     return found
+
+
+def total(colors: list[mi.Color3f], left_out: tuple[int, ...]) -> mi.Color3f:
+    """Sum of all colours but some."""
+    kept = (color for i, color in enumerate(colors) if i not in left_out)
+    return sum(kept, mi.Color3f(0))
 
 
 def bounded(error: mi.Color3f, limit: mi.Color3f) -> mi.Color3f:
