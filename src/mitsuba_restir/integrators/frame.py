@@ -21,7 +21,7 @@ from ..neighbors.strategies import STRATEGIES
 from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
 from ..passes.retrace import retrace
-from ..passes.select import select
+from ..passes.select import Round, Seen, select
 from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
 from ..passes.spatial import spatial
 from ..passes.temporal import (
@@ -35,7 +35,7 @@ from ..passes.temporal import (
 from ..paths.camera import Camera
 from ..paths.moves import Moves
 from ..paths.primary_hit import PrimaryHit
-from ..resampling.pairwise import PairEstimators, Sharing
+from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
 from ..shifts.carry import Source, carried_back, carried_forth, kept_pdf
 from .frame_data import Beside, Found, Frame, History, LookedBack, Plan, Sampled, Setting, Waiting
@@ -179,25 +179,25 @@ def share_paths(
     dr.eval(moved)
 
     color = reservoir_color(reservoirs)
-    estimators = PairEstimators([color], [mi.Bool(True)])
+    rounds = []
     strategy = STRATEGIES[parameters.neighbor_sampling]
     sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
     first = color if parameters.shows("first_round") else mi.Color3f(0)
     kept = reservoirs
     for index, layout in enumerate(layouts):
         merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
-        reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
+        reservoirs, color = merged.reservoirs, merged.color
+        rounds += [Round(color, merged.estimators)] if parameters.selects else []
         outcomes.append(merged.outcomes)
         first = color if index == 0 and parameters.shows("first_round") else first
-        dr.eval(reservoirs, color, merged.outcomes, estimators if parameters.selects else None)
+        dr.eval(reservoirs, color, merged.outcomes, rounds)
         if index < parameters.spatial_feedback:
             kept = reservoirs
 
     colors = None
     if sampled.colors is not None:
-        color, colors = select(
-            scope, now.hit, color, estimators, sampled.colors, parameters.retrace_history
-        )
+        seen = Seen(parameters.blue_noise_sigma, parameters.retrace_history)
+        color, colors = select(scope, now.hit, rounds, sampled.colors, seen)
 
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     beside = sampled.beside

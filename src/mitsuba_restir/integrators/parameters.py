@@ -149,6 +149,13 @@ class Parameters:
         },
         biased=lambda parameters: parameters.selects,
     )
+    blue_noise_sigma: float = declared(
+        1.0,
+        """Standard deviation [pixels] of the Gaussian through which ``selection`` sees errors:
+        smaller for who looks from near, whose noise is then less; larger from afar.""",
+        low=0.5,
+        high=1.5,
+    )
     blue_noise_weight: float = declared(
         0.5,
         """Share of the energy in the acceptance probability of ``mutation_acceptance``, from 0

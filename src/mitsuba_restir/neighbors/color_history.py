@@ -98,11 +98,14 @@ def remember(before: ColorHistory, mean: mi.Color3f) -> ColorHistory:
     return dr.select(dr.all(dr.isfinite(after.color)), after, before)
 
 
-def aimed(before: ColorHistory, shown: mi.Color3f, mean: mi.Color3f) -> ColorHistory:
+def aimed(
+    grid: Grid, before: ColorHistory, shown: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32
+) -> ColorHistory:
     """The colour history with what selection has added to this frame.
 
     An integral controller: what is shown is, on the average over frames, as bright as the plain
-    average, whatever bias the choice has, because the excess goes on growing until it is.
+    average, whatever bias the choice has, because the excess goes on growing until it is. From
+    frame to frame it spreads over similar pixels: one pixel's is mostly noise.
 
     Parameters
     ----------
@@ -110,11 +113,14 @@ def aimed(before: ColorHistory, shown: mi.Color3f, mean: mi.Color3f) -> ColorHis
         With this frame in it.
     shown, mean : Color3f
         What this frame shows, and its plain average.
+    alike : UInt32
+        Result of :func:`.around.similar_neighbors`.
     """
     excess = before.excess + (shown - mean) / PATIENCE
     # What cannot be reached must not be asked for more and more.
     excess = dr.clip(excess, -before.color, before.color)
-    return replace(before, excess=dr.select(dr.all(dr.isfinite(excess)), excess, before.excess))
+    excess = dr.select(dr.all(dr.isfinite(excess)), excess, before.excess)
+    return replace(before, excess=local_mean(grid, excess, alike))
 
 
 def smoothed(grid: Grid, color: mi.Color3f, alike: mi.UInt32, step: int = 1) -> mi.Color3f:

@@ -29,7 +29,7 @@ nothing of it gets into reservoirs or history.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import drjit as dr
@@ -57,9 +57,6 @@ from ..resampling.pairwise import PairEstimators
 from ..sampling.streams import FrameKey, Purpose, uniform2
 from ..shifts.scope import Scope
 
-SIGMA = 1.0
-"""Standard deviation of the Gaussian through which the error is seen [pixels]."""
-
 SPACING = 3
 """Pixels of a set are so far apart, beyond each other's reach."""
 
@@ -73,38 +70,63 @@ MOST_PAIRED = 8
 """Up to so many estimates there are means without pairs, which are as many as pairs."""
 
 
+@dataclass
+class Round:
+    """What a round of spatial reuse has to show.
+
+    Fields: ``mean`` (plain average of the pair estimators), ``estimators``.
+    """
+
+    mean: mi.Color3f
+    estimators: PairEstimators
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How frames are seen.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation of the Gaussian through which the error is seen [pixels].
+    changing : bool
+        Whether lights or geometry may have changed since the last frame: the history then follows
+        the brightness of the frame.
+    """
+
+    sigma: float
+    changing: bool
+
+
 def select(
     scope: Scope,
     hit: PrimaryHit,
-    mean: mi.Color3f,
-    estimators: PairEstimators,
+    rounds: list[Round],
     before: ColorHistory,
-    changing: bool,
+    seen: Seen,
 ) -> tuple[mi.Color3f, ColorHistory]:
     """The colours to show, and the colour history with this frame in it.
 
     Parameters
     ----------
-    mean : Color3f
-        Plain average of the pair estimators.
+    rounds : list of Round
+        Of spatial reuse, in order; without selection, the frame would show the last one's mean.
     before : ColorHistory
         At each pixel's previous place.
-    changing : bool
-        Whether lights or geometry may have changed since the last frame: the history then follows
-        the brightness of the frame.
     """
-    grid = scope.grid
+    grid, mean = scope.grid, rounds[-1].mean
     alike, further = similar_neighbors(grid, hit), similar_neighbors(grid, hit, step=2)
     dr.eval(alike, further)
-    if changing:
+    if seen.changing:
         before = replace(before, color=clamped(grid, before.color, mean, alike))
     colors = replace(remember(before, mean), alike=alike)
     dr.eval(colors)
     reference = wanted_color(grid, colors, alike, further)
-    if changing:
+    if seen.changing:
         reference *= brightness(grid, colors.color, mean, alike, further)
-    shown = choose(grid, scope.key, mean, estimators, reference, alike)
-    return shown, colors if changing else aimed(colors, shown, mean)
+    aim = Aim(reference, alike, seen.sigma)
+    shown = choose(grid, scope.key, rounds, aim)
+    return shown, colors if seen.changing else aimed(grid, colors, shown, mean, alike)
 
 
 def wanted_color(
@@ -117,17 +139,28 @@ def wanted_color(
     alike, further : UInt32
         Results of :func:`mitsuba_restir.neighbors.around.similar_neighbors` at step 1 and 2.
     """
-    color = dr.maximum(colors.color - colors.excess, 0)
-    return smoothed(grid, smoothed(grid, color, alike), further, step=2)
+    color = smoothed(grid, smoothed(grid, colors.color, alike), further, step=2)
+    return dr.maximum(color - colors.excess, 0)
+
+
+@dataclass
+class Aim:
+    """What the choice is to come near to.
+
+    Fields: ``reference`` (what errors are measured against), ``alike`` (result of
+    :func:`mitsuba_restir.neighbors.around.similar_neighbors`), ``sigma`` (see :class:`Seen`).
+    """
+
+    reference: mi.Color3f
+    alike: mi.UInt32
+    sigma: float
 
 
 def choose(
     grid: Grid,
     key: FrameKey,
-    mean: mi.Color3f,
-    estimators: PairEstimators,
-    reference: mi.Color3f,
-    alike: mi.UInt32,
+    rounds: list[Round],
+    aim: Aim,
 ) -> mi.Color3f:
     """One of each pixel's candidates.
 
@@ -135,13 +168,10 @@ def choose(
     ----------
     key : FrameKey
         Draws the order of the sets.
-    mean : Color3f
-        Plain average of the pair estimators.
-    reference : Color3f
-        Colour history.
-    alike : UInt32
-        Result of :func:`mitsuba_restir.neighbors.around.similar_neighbors`.
+    rounds : list of Round
+        See :func:`select`.
     """
+    reference, alike, mean = aim.reference, aim.alike, rounds[-1].mean
     limit = LIMIT * local_mean(grid, reference, alike & ADJACENT)
     error = bounded(mean - reference, limit)
     shown = dr.copy(mean)
@@ -154,13 +184,12 @@ def choose(
         own_limit = dr.gather(mi.Color3f, limit, pixel, inside)
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
         around = dr.gather(mi.UInt32, alike, pixel, inside)
-        wanted = -neighbors_error(grid, error, around, pixel)
-        own_mean = dr.gather(mi.Color3f, mean, pixel, inside)
-        own = dr.gather(PairEstimators, estimators, pixel, inside)
-        best = own_mean
-        best_error = bounded(own_mean - expected, own_limit)
+        wanted = -neighbors_error(grid, error, around, pixel, aim.sigma)
+        own = [dr.gather(Round, shared, pixel, inside) for shared in rounds]
+        best = own[-1].mean
+        best_error = bounded(best - expected, own_limit)
         best_distance = dr.squared_norm(best_error - wanted)
-        for color, valid in candidates(own, own_mean):
+        for color, valid in candidates(own):
             its_error = bounded(color - expected, own_limit)
             distance = dr.squared_norm(its_error - wanted)
             better = valid & (distance < best_distance)
@@ -173,28 +202,47 @@ def choose(
     return shown
 
 
-def candidates(estimators: PairEstimators, mean: mi.Color3f) -> list[tuple[mi.Color3f, mi.Bool]]:
-    """A pixel's candidates beside the mean, and whether it has this one."""
-    colors, valid = estimators.colors, estimators.valid
-    count = sum((dr.select(used, mi.Float(1), 0) for used in valid), mi.Float(0))
+def candidates(rounds: list[Round]) -> list[tuple[mi.Color3f, mi.Bool]]:
+    """A pixel's candidates beside the last round's mean, and whether it has this one."""
+    *earlier, last = rounds
+    found = [candidate for past in earlier for candidate in without_one(past)]
+    return [*found, *without_one(last), *without_two(last)]
+
+
+def without_one(shared: Round) -> list[tuple[mi.Color3f, mi.Bool]]:
+    """The means without each estimate, and their mirror images."""
+    colors, mean, count = shared.estimators.colors, shared.mean, number(shared.estimators)
     found = []
-    for i, color in enumerate(colors):
-        others = total(colors, (i,))
-        usable = valid[i] & (count > 2)
+    for i, (color, valid) in enumerate(zip(colors, shared.estimators.valid, strict=True)):
+        usable = valid & (count > 2)
         # The sum of the others, not m + (m - g) / k: its rounding can be below zero.
-        without = others / dr.maximum(count - 1, 1)
+        without = total(colors, (i,)) / dr.maximum(count - 1, 1)
         mirrored = mean - (mean - color) / dr.maximum(count - 1, 1)
         found += [(without, usable), (mirrored, usable)]
-    if len(colors) <= MOST_PAIRED:
-        for i, j in combinations(range(len(colors)), 2):
-            others = total(colors, (i, j))
-            usable = valid[i] & valid[j] & (count > 3)
-            found.append((others / dr.maximum(count - 2, 1), usable))
-            if len(colors) > 4:  # of four, it is the mean without the other two
-                both = 2 * (colors[i] + colors[j])
-                rest = (count - 4) / dr.maximum(count - 2, 1) * others
-                found.append(((both + rest) / count, usable))
     return found
+
+
+def without_two(shared: Round) -> list[tuple[mi.Color3f, mi.Bool]]:
+    """The means without each pair of estimates, and their mirror images."""
+    colors, valid, count = (
+        shared.estimators.colors,
+        shared.estimators.valid,
+        number(shared.estimators),
+    )
+    found = []
+    for i, j in combinations(range(len(colors) if len(colors) <= MOST_PAIRED else 0), 2):
+        usable = valid[i] & valid[j] & (count > 3)
+        others = total(colors, (i, j)) / dr.maximum(count - 2, 1)
+        found.append((others, usable))
+        if len(colors) > 4:  # of four, it is the mean without the other two
+            both = 2 * (colors[i] + colors[j])
+            found.append(((both + (count - 4) * others) / count, usable))
+    return found
+
+
+def number(estimators: PairEstimators) -> mi.Float:
+    """How many estimates each pixel has."""
+    return sum((dr.select(used, mi.Float(1), 0) for used in estimators.valid), mi.Float(0))
 
 
 def total(colors: list[mi.Color3f], left_out: tuple[int, ...]) -> mi.Color3f:
@@ -209,7 +257,7 @@ def bounded(error: mi.Color3f, limit: mi.Color3f) -> mi.Color3f:
 
 
 def neighbors_error(
-    grid: Grid, error: mi.Color3f, alike: mi.UInt32, pixel: mi.UInt32
+    grid: Grid, error: mi.Color3f, alike: mi.UInt32, pixel: mi.UInt32, sigma: float
 ) -> mi.Color3f:
     """sum a(d) e_{p+d} over the similar neighbours of each pixel.
 
@@ -219,11 +267,13 @@ def neighbors_error(
         Of all pixels.
     alike : UInt32
         Which neighbours count, of the pixels that ``pixel`` names.
+    sigma : float
+        See :class:`Seen`.
     """
     total = mi.Color3f(0)
     for i, (dx, dy) in enumerate(OFFSETS):
         seen = dr.gather(mi.Color3f, error, grid.beside(pixel, (dx, dy)), counts(alike, i))
-        total += seen * math.exp(-(dx**2 + dy**2) / (4 * SIGMA**2))
+        total += seen * math.exp(-(dx**2 + dy**2) / (4 * sigma**2))
     return total
 
 
