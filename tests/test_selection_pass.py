@@ -29,6 +29,7 @@ from mitsuba_restir.passes import select
 from mitsuba_restir.passes.primary import primary
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
+from mitsuba_restir.resampling.subsets import Round, candidates
 from mitsuba_restir.sampling.streams import FrameKey, Purpose, uniform2
 from mitsuba_restir.shifts.scope import Scope
 
@@ -119,7 +120,7 @@ def chosen(hits, mean, estimators, reference, sample=0):
     alike, _ = neighborhoods(hits)
     grid = grid_of(*SIZE)
     aim = select.Aim(reference, alike, 1.0)
-    return image(select.choose(grid, key(sample, 1), [select.Round(mean, estimators)], aim))
+    return image(select.choose(grid, key(sample, 1), [Round(mean, estimators)], aim))
 
 
 def pixels_of_set(index, order):
@@ -166,15 +167,31 @@ def test_only_candidates_are_shown(wall):
     assert taken.min() > 100
 
 
+def test_estimates_of_earlier_rounds_are_shown(wall):
+    """Where the last round has nothing to choose from, those of the first are all there is."""
+    values, first, reference = random_frame()
+    last = np.ones_like(first)
+    rounds = [
+        Round(color(first), PairEstimators([color(v) for v in values], everywhere())),
+        Round(color(last), PairEstimators([color(last)] * (PAIRS + 1), everywhere())),
+    ]
+    aim = select.Aim(color(reference), neighborhoods(wall)[0], 1.0)
+    shown = image(select.choose(grid_of(*SIZE), key(0, 1), rounds, aim)).transpose(2, 0, 1)
+    steps = [sign * (first - value) / PAIRS for value in values for sign in (1, -1)]
+    distance = np.stack(
+        [np.abs(option - shown).max(0) for option in (last, *(first + s for s in steps))]
+    )
+    assert distance.min(0).max() < 1e-5
+    assert np.bincount(distance.argmin(0).ravel(), minlength=9).min() > 100
+
+
 def test_no_candidate_is_below_zero(rgb):
     """The mean without the one estimate that has light is zero, not what rounding leaves."""
     values, _, _ = random_frame()
     values[1:] = 0
     pixels = PairEstimators([color(v) for v in np.roll(values, 1, axis=0)], everywhere())
     mean = sum(pixels.colors, mi.Color3f(0)) / (PAIRS + 1)
-    lowest = [
-        float(dr.min(dr.min(c))[0]) for c, _ in select.candidates([select.Round(mean, pixels)])
-    ]
+    lowest = [float(dr.min(dr.min(c))[0]) for c, _ in candidates([Round(mean, pixels)])]
     assert len(lowest) == 2 * (PAIRS + 1) + 6
     assert min(lowest) == 0
 
@@ -404,7 +421,7 @@ def sequence(hits, field, fed_by_itself=False):
         estimators = PairEstimators(colors, valid)
         scope = replace(NOWHERE, grid=grid_of(*SIZE), key=FrameKey(sample, seed))
         seen = select.Seen(1.0, changing=field.speed > 0)
-        shown, history = select.select(scope, hits, [select.Round(mean, estimators)], before, seen)
+        shown, history = select.select(scope, hits, [Round(mean, estimators)], before, seen)
         if fed_by_itself:
             history = replace(history, color=remember(before, shown).color)
         dr.eval(history, shown)

@@ -21,7 +21,7 @@ from ..neighbors.strategies import STRATEGIES
 from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
 from ..passes.retrace import retrace
-from ..passes.select import Round, Seen, select
+from ..passes.select import Seen, select
 from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
 from ..passes.spatial import spatial
 from ..passes.temporal import (
@@ -37,6 +37,7 @@ from ..paths.moves import Moves
 from ..paths.primary_hit import PrimaryHit
 from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
+from ..resampling.subsets import Round
 from ..shifts.carry import Source, carried_back, carried_forth, kept_pdf
 from .frame_data import Beside, Found, Frame, History, LookedBack, Plan, Sampled, Setting, Waiting
 

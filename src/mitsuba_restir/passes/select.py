@@ -6,31 +6,34 @@ m = (g_0 + ... + g_k) / (k + 1); its candidates are m and, for every j,
 
     m + (m - g_j) / k     (the mean without g_j)  and its mirror image     m - (m - g_j) / k,
 
-convex combinations of the g with fixed weights. Where the g have the pixel's expectation, so have
-they (by rank only m has it, see :mod:`mitsuba_restir.neighbors.ranks`: g_j is from stratum j). With
-errors e_q = I_q - r_q against the colour history r, the energy of an image I is the error seen
+the same for the means without two, and for the means without one of earlier rounds of spatial
+reuse: convex combinations of the g with fixed weights. Where the g have the pixel's expectation, so
+have they (by rank only m has it, see :mod:`mitsuba_restir.neighbors.ranks`: g_j is from stratum j).
+With errors e_q = I_q - r_q against the reference r, the energy of an image I is the error seen
 through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it is least nearest to
 
     I_p = r_p + t_p,     t_p = -sum_d a(d) e_{p+d},     a(d) = exp(-|d|² / (4 sigma²)),
 
-the sum over the 20 pixels around, as far as they are similar (beyond them a(d) is below 0.14). Each
-pixel is visited once, in nine sets of pixels three apart that see one another's choices.
+the sum over the 20 pixels around, as far as they are similar (beyond them a(d) is below 0.14 at
+sigma 1). Each pixel is visited once, in nine sets of pixels three apart that see one another's
+choices.
 
-Ours are the mirror images and the bound: a choice that avoids outliers darkens the image, because
-outliers are bright. With mirror images it can go either way, and errors of more than :data:`LIMIT`
-times the history around are taken for that, on either side. Pixels with a single pair, whose
-candidates would be its two estimates, show their mean, and so do those whose errors are beyond
-1e19, where single precision cannot hold their squares.
+What the choice comes near to is the reference, error and all. It is the colour history, smoothed
+where it is smooth, less the excess: a choice among values with heavy tails makes the image too
+bright or too dark, and what it does is measured against the plain averages and taken back
+(:func:`mitsuba_restir.neighbors.color_history.aimed`). Errors of more than :data:`LIMIT` times the
+reference around are taken for that, on either side, so that a bright spot has no dark halo. Pixels
+with a single pair, whose candidates would be its two estimates, show their mean, and so do those
+whose errors are beyond 1e19, where single precision cannot hold their squares.
 
 The choice depends on the values chosen from, so what is shown is biased. It is for display only:
-nothing of it gets into reservoirs or history.
+nothing of it gets into reservoirs or their history.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import drjit as dr
 import mitsuba as mi
@@ -53,7 +56,7 @@ from ..neighbors.color_history import (
 )
 from ..paths.grid import Grid
 from ..paths.primary_hit import PrimaryHit
-from ..resampling.pairwise import PairEstimators
+from ..resampling.subsets import Round, candidates
 from ..sampling.streams import FrameKey, Purpose, uniform2
 from ..shifts.scope import Scope
 
@@ -61,24 +64,7 @@ SPACING = 3
 """Pixels of a set are so far apart, beyond each other's reach."""
 
 LIMIT = 3.5
-"""Largest error that counts, channel by channel, relative to the mean of the history in 3x3 pixels.
-Where estimates have heavy tails, half of it makes the image too bright, twice of it too dark; with
-it the sign depends on the tail (gamma-distributed ones: -2 to +4 %)."""
-
-
-MOST_PAIRED = 8
-"""Up to so many estimates there are means without pairs, which are as many as pairs."""
-
-
-@dataclass
-class Round:
-    """What a round of spatial reuse has to show.
-
-    Fields: ``mean`` (plain average of the pair estimators), ``estimators``.
-    """
-
-    mean: mi.Color3f
-    estimators: PairEstimators
+"""Largest error that counts, channel by channel, relative to the reference's mean in 3x3 pixels."""
 
 
 @dataclass(frozen=True)
@@ -200,55 +186,6 @@ def choose(
         dr.scatter(error, best_error, pixel, inside)
         dr.eval(shown, error)
     return shown
-
-
-def candidates(rounds: list[Round]) -> list[tuple[mi.Color3f, mi.Bool]]:
-    """A pixel's candidates beside the last round's mean, and whether it has this one."""
-    *earlier, last = rounds
-    found = [candidate for past in earlier for candidate in without_one(past)]
-    return [*found, *without_one(last), *without_two(last)]
-
-
-def without_one(shared: Round) -> list[tuple[mi.Color3f, mi.Bool]]:
-    """The means without each estimate, and their mirror images."""
-    colors, mean, count = shared.estimators.colors, shared.mean, number(shared.estimators)
-    found = []
-    for i, (color, valid) in enumerate(zip(colors, shared.estimators.valid, strict=True)):
-        usable = valid & (count > 2)
-        # The sum of the others, not m + (m - g) / k: its rounding can be below zero.
-        without = total(colors, (i,)) / dr.maximum(count - 1, 1)
-        mirrored = mean - (mean - color) / dr.maximum(count - 1, 1)
-        found += [(without, usable), (mirrored, usable)]
-    return found
-
-
-def without_two(shared: Round) -> list[tuple[mi.Color3f, mi.Bool]]:
-    """The means without each pair of estimates, and their mirror images."""
-    colors, valid, count = (
-        shared.estimators.colors,
-        shared.estimators.valid,
-        number(shared.estimators),
-    )
-    found = []
-    for i, j in combinations(range(len(colors) if len(colors) <= MOST_PAIRED else 0), 2):
-        usable = valid[i] & valid[j] & (count > 3)
-        others = total(colors, (i, j)) / dr.maximum(count - 2, 1)
-        found.append((others, usable))
-        if len(colors) > 4:  # of four, it is the mean without the other two
-            both = 2 * (colors[i] + colors[j])
-            found.append(((both + (count - 4) * others) / count, usable))
-    return found
-
-
-def number(estimators: PairEstimators) -> mi.Float:
-    """How many estimates each pixel has."""
-    return sum((dr.select(used, mi.Float(1), 0) for used in estimators.valid), mi.Float(0))
-
-
-def total(colors: list[mi.Color3f], left_out: tuple[int, ...]) -> mi.Color3f:
-    """Sum of all colours but some."""
-    kept = (color for i, color in enumerate(colors) if i not in left_out)
-    return sum(kept, mi.Color3f(0))
 
 
 def bounded(error: mi.Color3f, limit: mi.Color3f) -> mi.Color3f:
