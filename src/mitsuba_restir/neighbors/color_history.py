@@ -123,33 +123,41 @@ def aimed(
     return replace(before, excess=local_mean(grid, excess, alike))
 
 
-def smoothed(grid: Grid, color: mi.Color3f, alike: mi.UInt32, step: int = 1) -> mi.Color3f:
-    """The history without most of its noise: a bilateral mean over similar pixels.
+def smoothed(grid: Grid, colors: ColorHistory, alike: mi.UInt32) -> mi.Color3f:
+    """The history without much of its noise: a bilateral mean over similar pixels, twice.
 
     A neighbour of luminance b counts (min(a, b) / max(a, b))^4 beside the pixel's own a: textures,
-    highlights and the edges of shadows stay, and bright spots stay where they are.
+    highlights and the edges of shadows stay, and bright spots stay where they are. It counts in
+    proportion to its frames: pixels at an edge, which see one surface or the other, have few.
 
     Parameters
     ----------
-    color : Color3f
-        Of all pixels.
     alike : UInt32
-        Result of :func:`.around.similar_neighbors` with the same ``step``.
+        Result of :func:`.around.similar_neighbors`.
     """
-    dr.eval(color)
+    color = colors.color
+    for _ in range(2):
+        color = _bilateral_mean(grid, color, colors.frames, alike)
+    return color
+
+
+def _bilateral_mean(
+    grid: Grid, color: mi.Color3f, frames: mi.Float, alike: mi.UInt32
+) -> mi.Color3f:
+    dr.eval(color, frames)
     pixel = grid.pixels()
     own = target(color)
-    total, weight = mi.Color3f(color), mi.Float(1)
-    for i, (dx, dy) in enumerate(OFFSETS):
-        other = grid.beside(pixel, (step * dx, step * dy))
-        active = counts(alike, i)
+    total, weight = frames * color, mi.Float(frames)
+    for i, offset in enumerate(OFFSETS):
+        other, active = grid.beside(pixel, offset), counts(alike, i)
         theirs = dr.gather(mi.Color3f, color, other, active)
         bright = target(theirs)
-        ratio = dr.minimum(own, bright) / dr.maximum(own, bright)
-        share = dr.select(active & (bright > 0), dr.square(dr.square(ratio)), 0)
+        ratio = dr.square(dr.minimum(own, bright) / dr.maximum(own, bright))
+        share = dr.square(ratio) * dr.gather(mi.Float, frames, other, active)
+        share = dr.select(active & (bright > 0), share, 0)
         total += share * theirs
         weight += share
-    return total / weight
+    return dr.select(weight > 0, total / weight, color)
 
 
 def clamped(grid: Grid, color: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32) -> mi.Color3f:

@@ -101,32 +101,19 @@ def select(
         At each pixel's previous place.
     """
     grid, mean = scope.grid, rounds[-1].mean
-    alike, further = similar_neighbors(grid, hit), similar_neighbors(grid, hit, step=2)
-    dr.eval(alike, further)
+    alike = similar_neighbors(grid, hit)
+    dr.eval(alike)
     if seen.changing:
         before = replace(before, color=clamped(grid, before.color, mean, alike))
     colors = replace(remember(before, mean), alike=alike)
     dr.eval(colors)
-    reference = wanted_color(grid, colors, alike, further)
+    reference = dr.maximum(smoothed(grid, colors, alike) - colors.excess, 0)
     if seen.changing:
-        reference *= brightness(grid, colors.color, mean, alike, further)
+        further = similar_neighbors(grid, hit, step=2)
+        reference *= brightness(grid, reference, mean, alike, further)
     aim = Aim(reference, alike, seen.sigma)
     shown = choose(grid, scope.key, rounds, aim)
     return shown, colors if seen.changing else aimed(grid, colors, shown, mean, alike)
-
-
-def wanted_color(
-    grid: Grid, colors: ColorHistory, alike: mi.UInt32, further: mi.UInt32
-) -> mi.Color3f:
-    """What errors are measured against: the colour history, smoothed, less the excess.
-
-    Parameters
-    ----------
-    alike, further : UInt32
-        Results of :func:`mitsuba_restir.neighbors.around.similar_neighbors` at step 1 and 2.
-    """
-    color = smoothed(grid, smoothed(grid, colors.color, alike), further, step=2)
-    return dr.maximum(color - colors.excess, 0)
 
 
 @dataclass
