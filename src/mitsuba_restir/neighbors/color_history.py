@@ -18,6 +18,12 @@ MEMORY = 64
 PATIENCE = 8
 """Frames in which what selection adds to the mean is taken out of it."""
 
+DOUBTED = 2
+"""Frames that a history counts at most that this frame contradicts."""
+
+BRIGHTEST = 4.0
+"""Most that is aimed higher than the history, relative to it."""
+
 SLIGHT = 1e-3
 """Weights of reprojection below this are none: a camera at rest reads one pixel."""
 
@@ -117,10 +123,10 @@ def aimed(
         Result of :func:`.around.similar_neighbors`.
     """
     excess = before.excess + (shown - mean) / PATIENCE
-    # What cannot be reached must not be asked for more and more.
-    excess = dr.clip(excess, -before.color, before.color)
     excess = dr.select(dr.all(dr.isfinite(excess)), excess, before.excess)
-    return replace(before, excess=local_mean(grid, excess, alike))
+    excess = local_mean(grid, excess, alike)
+    # What cannot be reached must not be asked for more and more.
+    return replace(before, excess=dr.clip(excess, -BRIGHTEST * before.color, before.color))
 
 
 def smoothed(grid: Grid, colors: ColorHistory, alike: mi.UInt32) -> mi.Color3f:
@@ -160,16 +166,19 @@ def _bilateral_mean(
     return dr.select(weight > 0, total / weight, color)
 
 
-def clamped(grid: Grid, color: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32) -> mi.Color3f:
+def clamped(grid: Grid, before: ColorHistory, mean: mi.Color3f, alike: mi.UInt32) -> ColorHistory:
     """The history, within one standard deviation of the current frame around each pixel.
 
-    Behind the edge of a shadow that moves, it forgets where the edge was. Channel by channel, over
-    similar pixels; the usual clamp of temporal antialiasing.
+    Behind the edge of a shadow that moves, it forgets where the edge was: what is found outside
+    counts as :data:`DOUBTED` frames from then on. Channel by channel, over similar pixels; the
+    usual clamp of temporal antialiasing.
 
     Parameters
     ----------
-    color, mean : Color3f
-        Colour history and this frame's plain average.
+    before : ColorHistory
+        Without this frame.
+    mean : Color3f
+        This frame's plain average.
     alike : UInt32
         Result of :func:`.around.similar_neighbors`.
     """
@@ -177,7 +186,11 @@ def clamped(grid: Grid, color: mi.Color3f, mean: mi.Color3f, alike: mi.UInt32) -
     deviation = dr.sqrt(dr.maximum(square - centre * centre, 0))
     # From 1e19 on single precision cannot hold the squares, and the history is left as it is.
     known = dr.isfinite(square - centre * centre)
-    return dr.select(known, dr.clip(color, centre - deviation, centre + deviation), color)
+    within = dr.clip(before.color, centre - deviation, centre + deviation)
+    color = dr.select(known, within, before.color)
+    doubted = dr.any(color != before.color)
+    frames = dr.select(doubted, dr.minimum(before.frames, DOUBTED), before.frames)
+    return replace(before, color=color, frames=frames)
 
 
 def brightness(

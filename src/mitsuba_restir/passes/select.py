@@ -104,7 +104,7 @@ def select(
     alike = similar_neighbors(grid, hit)
     dr.eval(alike)
     if seen.changing:
-        before = replace(before, color=clamped(grid, before.color, mean, alike))
+        before = clamped(grid, before, mean, alike)
     colors = replace(remember(before, mean), alike=alike)
     dr.eval(colors)
     reference = dr.maximum(smoothed(grid, colors, alike) - colors.excess, 0)
