@@ -150,7 +150,7 @@ class Parameters:
         biased=lambda parameters: parameters.selects,
     )
     blue_noise_sigma: float = declared(
-        1.0,
+        0.8,
         """Standard deviation [pixels] of the Gaussian through which ``selection`` sees errors:
         smaller for who looks from near, whose noise is then less; larger from afar.""",
         low=0.5,

@@ -15,8 +15,16 @@ from .reproject import Motion
 MEMORY = 64
 """Frames after which the newest's share stays as it is then, and the mean becomes exponential."""
 
-PATIENCE = 8
-"""Frames in which what selection adds to the mean is taken out of it."""
+MOVING = 16
+"""Frames that a history counts at most that comes from between pixels: it blurs, and what a surface
+reflects changes with the view."""
+
+HASTE = 2.0
+"""What selection adds to the mean is taken out of it in as many frames as the history counts,
+divided by this. Frames resemble those before them, and sooner their noise would be aimed at."""
+
+FEWEST = 8
+"""Frames that count as so many for that at least."""
 
 DOUBTED = 2
 """Frames that a history counts at most that this frame contradicts."""
@@ -62,9 +70,11 @@ def carried(grid: Grid, colors: ColorHistory, motion: Motion) -> ColorHistory:
     across = mi.Float(mi.Int32(y) - mi.Int32(near_y)) + motion.flow.y
     weight = _spline(along) * _spline(across)
     total, low, high = weight * nearest.color, mi.Color3f(nearest.color), mi.Color3f(nearest.color)
+    between = mi.Bool(False)
     for i, (dx, dy) in enumerate(OFFSETS):
         share = _spline(along - dx) * _spline(across - dy)
         active = motion.valid & counts(nearest.alike, i) & (dr.abs(share) > SLIGHT)
+        between |= active
         other = grid.beside(motion.pixel, (dx, dy))
         theirs = dr.gather(mi.Color3f, colors.color, other, active)
         total += dr.select(active, share * theirs, 0)
@@ -72,7 +82,8 @@ def carried(grid: Grid, colors: ColorHistory, motion: Motion) -> ColorHistory:
         low = dr.select(active, dr.minimum(low, theirs), low)
         high = dr.select(active, dr.maximum(high, theirs), high)
     color = dr.select(weight > 0.5, dr.clip(total / weight, low, high), nearest.color)
-    return replace(nearest, color=color)
+    frames = dr.select(between, dr.minimum(nearest.frames, MOVING), nearest.frames)
+    return replace(nearest, color=color, frames=frames)
 
 
 def _spline(distance: mi.Float) -> mi.Float:
@@ -122,7 +133,8 @@ def aimed(
     alike : UInt32
         Result of :func:`.around.similar_neighbors`.
     """
-    excess = before.excess + (shown - mean) / PATIENCE
+    rate = HASTE / dr.maximum(before.frames, FEWEST)
+    excess = before.excess + (shown - mean) * rate
     excess = dr.select(dr.all(dr.isfinite(excess)), excess, before.excess)
     excess = local_mean(grid, excess, alike)
     # What cannot be reached must not be asked for more and more.
