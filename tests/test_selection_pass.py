@@ -355,9 +355,7 @@ def test_smoothing_keeps_edges_and_takes_noise(edges):
     left = np.arange(WIDTH) < WIDTH // 3
     truth = np.where(sheet, 50.0, np.where(left, 1.0, 0.05))
     noisy = truth * rng.gamma(100, 0.01, truth.shape)
-    found = color_history.smoothed(
-        grid_of(*SIZE), history_of(edges, noisy), neighborhoods(edges)[0]
-    )
+    found = color_history.smoothed(grid_of(*SIZE), history_of(edges, noisy), *neighborhoods(edges))
     error = image(found)[..., 1] / truth - 1
     print(error.std(), np.abs(error).max())
     assert error.std() < 0.035
@@ -472,7 +470,10 @@ def test_bias_is_bounded(wall, name):
 CONTROLS = {
     "excess": (
         "heavy tails",
-        Mutation("smoothed(grid, colors, alike) - colors.excess", "smoothed(grid, colors, alike)"),
+        Mutation(
+            "smoothed(grid, colors, alike, further) - colors.excess",
+            "smoothed(grid, colors, alike, further)",
+        ),
     ),
     "brightness of the frame": (
         "moving shadow edge",

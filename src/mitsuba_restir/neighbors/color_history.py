@@ -141,8 +141,8 @@ def aimed(
     return replace(before, excess=dr.clip(excess, -BRIGHTEST * before.color, before.color))
 
 
-def smoothed(grid: Grid, colors: ColorHistory, alike: mi.UInt32) -> mi.Color3f:
-    """The history without much of its noise: a bilateral mean over similar pixels, twice.
+def smoothed(grid: Grid, colors: ColorHistory, alike: mi.UInt32, further: mi.UInt32) -> mi.Color3f:
+    """The history without much of its noise: bilateral means over similar pixels, near and further.
 
     A neighbour of luminance b counts (min(a, b) / max(a, b))^4 beside the pixel's own a: textures,
     highlights and the edges of shadows stay, and bright spots stay where they are. It counts in
@@ -150,24 +150,24 @@ def smoothed(grid: Grid, colors: ColorHistory, alike: mi.UInt32) -> mi.Color3f:
 
     Parameters
     ----------
-    alike : UInt32
-        Result of :func:`.around.similar_neighbors`.
+    alike, further : UInt32
+        Results of :func:`.around.similar_neighbors` at step 1 and 2.
     """
     color = colors.color
-    for _ in range(2):
-        color = _bilateral_mean(grid, color, colors.frames, alike)
+    for step, counted in enumerate((alike, further), 1):
+        color = _bilateral_mean(grid, color, colors.frames, counted, step)
     return color
 
 
 def _bilateral_mean(
-    grid: Grid, color: mi.Color3f, frames: mi.Float, alike: mi.UInt32
+    grid: Grid, color: mi.Color3f, frames: mi.Float, alike: mi.UInt32, step: int
 ) -> mi.Color3f:
     dr.eval(color, frames)
     pixel = grid.pixels()
     own = target(color)
     total, weight = frames * color, mi.Float(frames)
-    for i, offset in enumerate(OFFSETS):
-        other, active = grid.beside(pixel, offset), counts(alike, i)
+    for i, (dx, dy) in enumerate(OFFSETS):
+        other, active = grid.beside(pixel, (step * dx, step * dy)), counts(alike, i)
         theirs = dr.gather(mi.Color3f, color, other, active)
         bright = target(theirs)
         ratio = dr.square(dr.minimum(own, bright) / dr.maximum(own, bright))

@@ -101,15 +101,14 @@ def select(
         At each pixel's previous place.
     """
     grid, mean = scope.grid, rounds[-1].mean
-    alike = similar_neighbors(grid, hit)
-    dr.eval(alike)
+    alike, further = similar_neighbors(grid, hit), similar_neighbors(grid, hit, step=2)
+    dr.eval(alike, further)
     if seen.changing:
         before = clamped(grid, before, mean, alike)
     colors = replace(remember(before, mean), alike=alike)
     dr.eval(colors)
-    reference = dr.maximum(smoothed(grid, colors, alike) - colors.excess, 0)
+    reference = dr.maximum(smoothed(grid, colors, alike, further) - colors.excess, 0)
     if seen.changing:
-        further = similar_neighbors(grid, hit, step=2)
         reference *= brightness(grid, reference, mean, alike, further)
     aim = Aim(reference, alike, seen.sigma)
     shown = choose(grid, scope.key, rounds, aim)
