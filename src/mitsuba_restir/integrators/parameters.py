@@ -141,7 +141,7 @@ class Parameters:
         ``selection``: of these, the one that moves the error to high frequencies, steered by a
         colour history of plain averages. Nothing of it gets into reservoirs or history. **What is
         shown is biased** (mean of still scenes within 0.5 % of the plain average, with a moving
-        camera 0.7 %; more under heavy tails), and it needs ``spatial`` and ``temporal``.""",
+        camera and under heavy tails 0.7 %), and it needs ``spatial`` and ``temporal``.""",
         choices=("none", "selection"),
         former={
             "mutation": "mutation_acceptance='energy'",
