@@ -6,6 +6,7 @@ Each test is for a wrong picture that was once rendered without a word.
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -24,7 +25,7 @@ from support.transport import transport_report
 from test_unbiased import check
 from zoo import _texture as texture
 
-from mitsuba_restir.neighbors.color_history import ColorHistory, clamped, remember
+from mitsuba_restir.neighbors.color_history import DOUBTED, ColorHistory, clamped, remember
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.mis import canonical_share, share
 from mitsuba_restir.resampling.reservoir import empty_streaming, finalize, fits, is_sound, offer
@@ -222,14 +223,16 @@ def test_shares_are_a_partition_where_they_overflow(rgb):
 
 def test_the_color_history_forgets_what_is_not_finite(rgb):
     """Of three pixels, two are not finite: one in this frame, one by the square of its values."""
-    past = ColorHistory(mi.Color3f(1), mi.Float(5))
+    past = ColorHistory(mi.Color3f(1), mi.Float(5), mi.Color3f(0), mi.UInt32(0))
     now = remember(past, mi.Color3f(mi.Float([2, np.inf, np.nan])))
     np.testing.assert_array_equal(np.array(now.color)[0, 1:], 1)
     assert np.array(now.color)[0, 0] > 1
     nobody = dr.zeros(mi.UInt32, 2)
     bright = mi.Color3f(mi.Float([1, 1e20]))
-    found = clamped(grid_of(2, 1), mi.Color3f(mi.Float([3, 3e20])), bright, nobody)
-    np.testing.assert_array_equal(np.array(found)[0], np.float32([1, 3e20]))
+    past = replace(past, color=mi.Color3f(mi.Float([3, 3e20])))
+    found = clamped(grid_of(2, 1), past, bright, nobody)
+    np.testing.assert_array_equal(np.array(found.color)[0], np.float32([1, 3e20]))
+    np.testing.assert_array_equal(np.array(found.frames), [DOUBTED, 5])
 
 
 # --------------------------------- masks --------------------------------------------------------

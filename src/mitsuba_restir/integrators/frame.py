@@ -15,13 +15,13 @@ import drjit as dr
 import mitsuba as mi
 
 from ..guiding.policy import Findings, Learnt, findings_of, policy_of, taught
-from ..neighbors.color_history import ColorHistory
-from ..neighbors.reproject import Motion, nowhere, reproject
+from ..neighbors.color_history import carried
+from ..neighbors.reproject import nowhere, reproject
 from ..neighbors.strategies import STRATEGIES
 from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
 from ..passes.retrace import retrace
-from ..passes.select import select
+from ..passes.select import Seen, select
 from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
 from ..passes.spatial import spatial
 from ..passes.temporal import (
@@ -35,8 +35,9 @@ from ..passes.temporal import (
 from ..paths.camera import Camera
 from ..paths.moves import Moves
 from ..paths.primary_hit import PrimaryHit
-from ..resampling.pairwise import PairEstimators, Sharing
+from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
+from ..resampling.subsets import Round
 from ..shifts.carry import Source, carried_back, carried_forth, kept_pdf
 from .frame_data import Beside, Found, Frame, History, LookedBack, Plan, Sampled, Setting, Waiting
 
@@ -87,7 +88,7 @@ def sample_paths(
         [],
         Found(motion.valid, motion.moved, motion.lost),
         motion.flow if parameters.aovs else mi.Vector2f(0),
-        _colors_at(history, motion),
+        None if history.colors is None else carried(scope.grid, history.colors, motion),
         beside,
         learnt,
         findings,
@@ -179,25 +180,25 @@ def share_paths(
     dr.eval(moved)
 
     color = reservoir_color(reservoirs)
-    estimators = PairEstimators([color], [mi.Bool(True)])
+    rounds = []
     strategy = STRATEGIES[parameters.neighbor_sampling]
     sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
     first = color if parameters.shows("first_round") else mi.Color3f(0)
     kept = reservoirs
     for index, layout in enumerate(layouts):
         merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
-        reservoirs, color, estimators = merged.reservoirs, merged.color, merged.estimators
+        reservoirs, color = merged.reservoirs, merged.color
+        rounds += [Round(color, merged.estimators)] if parameters.selects else []
         outcomes.append(merged.outcomes)
         first = color if index == 0 and parameters.shows("first_round") else first
-        dr.eval(reservoirs, color, merged.outcomes, estimators if parameters.selects else None)
+        dr.eval(reservoirs, color, merged.outcomes, rounds)
         if index < parameters.spatial_feedback:
             kept = reservoirs
 
     colors = None
     if sampled.colors is not None:
-        color, colors = select(
-            scope, now.hit, color, estimators, sampled.colors, parameters.retrace_history
-        )
+        seen = Seen(parameters.blue_noise_sigma, parameters.retrace_history)
+        color, colors = select(scope, now.hit, rounds, sampled.colors, seen)
 
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     beside = sampled.beside
@@ -208,9 +209,3 @@ def share_paths(
     dr.eval(color, extra, beside)
     history = History(kept, now.hit, colors, sampled.learnt)
     return Frame(color, extra, outcomes, sampled.found, mutated, beside, history)
-
-
-def _colors_at(history: History, motion: Motion) -> ColorHistory | None:
-    if history.colors is None:
-        return None
-    return dr.gather(ColorHistory, history.colors, motion.pixel, motion.valid)

@@ -141,13 +141,20 @@ class Parameters:
         ``selection``: of these, the one that moves the error to high frequencies, steered by a
         colour history of plain averages. Nothing of it gets into reservoirs or history. **What is
         shown is biased** (mean of still scenes within 0.5 % of the plain average, with a moving
-        camera 0.7 %; more under heavy tails), and it needs ``spatial`` and ``temporal``.""",
+        camera and under heavy tails 0.7 %), and it needs ``spatial`` and ``temporal``.""",
         choices=("none", "selection"),
         former={
             "mutation": "mutation_acceptance='energy'",
             "mutation_updated": "mutation_acceptance='energy_updated'",
         },
         biased=lambda parameters: parameters.selects,
+    )
+    blue_noise_sigma: float = declared(
+        0.8,
+        """Standard deviation [pixels] of the Gaussian through which ``selection`` sees errors:
+        smaller for who looks from near, whose noise is then less; larger from afar.""",
+        low=0.5,
+        high=1.5,
     )
     blue_noise_weight: float = declared(
         0.5,
