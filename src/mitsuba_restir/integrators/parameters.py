@@ -116,6 +116,13 @@ class Parameters:
     mutation_step: float = declared(
         0.05, "Standard deviation of a mutation in primary sample space.", low=1e-4, high=1
     )
+    mutation_surrogates: int = declared(
+        0,
+        """Steps before each of these that need no ray, in the plane of the vertex that is moved and
+        on a simpler target function; the true step then accepts or refuses where they lead (Liu
+        2001). As unbiased as without.""",
+        high=1000,
+    )
     mutation_interval: int = declared(
         1,
         """Mutate only the n-th part of the pixels per frame, in sets that alternate so that every
