@@ -82,8 +82,11 @@ def test_a_settled_history_has_twice_the_cap_and_one_frames(cap):
 
 def test_a_young_history_has_fewer_frames_than_it_is_long():
     """Neighbours' confidences add up: the first frame seems to be many, and counts as such."""
-    young = reach(Reuse(50, 100.0, 3, (6.0,)), (32, 48), 3.0)
-    assert young.frames < 5.0
+    summed = reach(Reuse(50, 100.0, 3, (6.0,)), (32, 48), 3.0)
+    assert summed.frames < 5.0
+    # With a confidence of their number, all frames count alike.
+    alike = reach(Reuse(50, 100.0, 3, (6.0,), young=1.0), (32, 48), 3.0)
+    assert alike.frames == pytest.approx(50.0, rel=1e-6)
 
 
 def test_candidates_alone_are_their_own_floor():

@@ -14,6 +14,7 @@ has in excess of this.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +42,8 @@ class Reuse:
         Radius of each round of spatial reuse in pixels.
     feedback : int
         How many of the rounds the history goes through.
+    young : float
+        Largest confidence of the history, relative to the frames that it has had.
     """
 
     frames: int = 1
@@ -48,6 +51,7 @@ class Reuse:
     neighbors: int = 0
     radii: tuple[float, ...] = ()
     feedback: int = 16
+    young: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -90,11 +94,12 @@ def power_of_reuse(reuse: Reuse, frequencies: FloatArray) -> FloatArray:
     disks = [_disk(radius * frequencies) for radius in reuse.radii]
     power, confidence = np.ones(frequencies.shape), 1.0
     shown = _rounds(power, reuse.neighbors, disks)
-    for _ in range(1, reuse.frames):
+    for age in range(1, reuse.frames):
         kept = disks[: reuse.feedback]
         power = _rounds(power, reuse.neighbors, kept)
         # A reservoir's confidence is the sum of those that it was merged of.
-        confidence = min(confidence * (1 + reuse.neighbors) ** len(kept), reuse.cap)
+        summed = confidence * (1 + reuse.neighbors) ** len(kept)
+        confidence = min(summed, reuse.cap, reuse.young * age)
         power = (1.0 + confidence**2 * power) / (1.0 + confidence) ** 2
         confidence += 1.0
         shown = _rounds(power, reuse.neighbors, disks)

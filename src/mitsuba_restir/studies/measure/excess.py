@@ -12,6 +12,7 @@ from scipy import ndimage
 from ...analysis.intervals import Interval, Jackknife
 from ...analysis.reuse import Reuse, reach
 from ...integrators.parameters import Parameters, resolve
+from ...passes.temporal import YOUNG
 from ..config.study import Study, Variant
 from .frame_errors import BLOTCHES, SIGMA, frames_of, relative_errors
 from .results import Measured, Number, Refused, Row, Sharing
@@ -75,6 +76,7 @@ def sharing_of(study: Study) -> dict[str, Sharing]:
                 found.spatial_neighbors,
                 found.radii,
                 found.spatial_feedback,
+                YOUNG,
             ),
             study.variants[name].spp,
             alone.get(_candidates(found), ""),
