@@ -22,7 +22,9 @@ from mitsuba_restir.analysis.reuse import (
     reach,
     seen,
 )
+from mitsuba_restir.passes.temporal import YOUNG
 from mitsuba_restir.sampling.pairing import pair_offsets
+from mitsuba_restir.studies import load_study
 from mitsuba_restir.studies.measure import excess
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.measure.results import Measured, Refused, Row, Sharing
@@ -193,3 +195,13 @@ def test_without_its_candidates_there_is_no_excess():
     (refused,) = (row for row in found if isinstance(row, Refused))
     assert "no variant shows its candidates alone" in refused.reason
     assert {row.variant for row in found if isinstance(row, Row)} == {"candidates"}
+
+
+def test_how_the_variants_of_a_study_share():
+    study = load_study("excess_small", ["variants.guided={type='restir_pt', guiding=true}"])
+    sharing = excess.sharing_of(study)
+    assert sharing["candidates"] == Sharing(Reuse(), 41, "candidates")
+    # Frames 250, 270 and 290 of a history are measured.
+    expected = Reuse(270, 100.0, 3, (3.0,), 16, YOUNG)
+    assert sharing["cap_100_radius_3"] == Sharing(expected, 1, "candidates")
+    assert sharing["guided"].candidates == ""
