@@ -13,6 +13,8 @@ from support import references, rooms
 from support.modes import MODES
 from support.runs import integrator
 
+from mitsuba_restir.passes.temporal import YOUNG
+
 
 def render(renderer, scene, seed=0, spp=1, sensor=0) -> np.ndarray:
     return np.array(renderer.render(scene, sensor=sensor, seed=seed, spp=spp))
@@ -151,6 +153,21 @@ def test_confidence_grows_to_the_cap_and_reset_clears_it(room):
     assert max(grown) <= 5 + 1e-6
     np.testing.assert_allclose(grown[6], 1)
     assert grown[7] > 1
+
+
+def test_a_young_history_is_not_confident_beyond_its_trees(room):
+    """Where neighbours' confidences are added up; 2 trees a frame."""
+    renderer = mi.load_dict({"type": "restir_pt", "max_depth": 3, "spatial": True})
+    temporal = []
+    for seed in range(13):
+        render(renderer, room, seed=seed, spp=2)
+        handed_on = np.array(renderer._history.reservoirs.confidence)
+        # With all of its 3 neighbours, a pixel hands on four times what it had after the merge.
+        temporal.append(handed_on.max() / 4)
+    most = [2 + min(YOUNG * 2 * frame, 20 * 2) for frame in range(13)]
+    assert np.all(temporal <= np.array(most) + 1e-3)
+    # Nearly all that is allowed; their sums would be at the cap after two frames.
+    assert np.all(temporal[1:] >= 0.7 * np.array(most[1:]))
 
 
 def test_another_scene_starts_a_new_history(room):

@@ -10,7 +10,7 @@ The false-alarm rate of each chi-square test is 1e-4.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -42,10 +42,19 @@ LIGHT, REACH = 2.0, 0.4  # the square x = 2, |y|, |z - 1| <= 0.4, which shines t
 AREA = (2 * REACH) ** 2
 
 
-def chain_scene() -> mi.Scene:
-    """All pixels see the origin."""
+def chain_scene(low: float) -> mi.Scene:
+    """All pixels see the origin; the half of the ceiling with x > 0 may hang lower."""
     transform = mi.ScalarTransform4f
     up, toward = [1, 0, 0], [0, 1, 0]
+    whole = [(0.0, CEILING, HALF)]
+    halves = [(-HALF / 2, CEILING, HALF / 2), (HALF / 2, low, HALF / 2)]
+    ceilings = {
+        f"ceiling_{i}": {
+            "type": "rectangle",
+            "to_world": transform().translate([x, 0, z]).rotate(up, 180).scale([width, HALF, 1]),
+        }
+        for i, (x, z, width) in enumerate(whole if low == CEILING else halves)
+    }
     return mi.load_dict(
         {
             "type": "scene",
@@ -57,10 +66,7 @@ def chain_scene() -> mi.Scene:
                 "sampler": {"type": "independent"},
             },
             "floor": {"type": "rectangle", "to_world": transform().scale(4)},
-            "ceiling": {
-                "type": "rectangle",
-                "to_world": transform().translate([0, 0, CEILING]).rotate(up, 180).scale(HALF),
-            },
+            **ceilings,
             "light": {
                 "type": "rectangle",
                 "to_world": transform().translate([LIGHT, 0, 1]).rotate(toward, -90).scale(REACH),
@@ -137,6 +143,8 @@ class Chain:
     on_light: bool = False
     next_kind: int = Kind.EMPTY
     step: float = 0.4
+    low: float = CEILING
+    surrogates: int = 0
 
 
 CHAINS = {
@@ -148,14 +156,19 @@ CHAINS = {
     "on the light": Chain(Kind.LIGHT, 2, on_light_vertex, on_light=True, step=0.1),
     "light numbers": Chain(Kind.REPLAY_NEE, 2, light_numbers, on_light=True),
 }
+FOLDED = Chain(Kind.FAR, 4, before_surface, next_kind=Kind.NEE, low=0.6)
+CHAINS["surface, two planes"] = FOLDED
+CHAINS |= {
+    f"{name}, surrogates": replace(chain, surrogates=4) for name, chain in list(CHAINS.items())
+}
 
 # ------------------------------ chains ----------------------------------------------------------
 
 
 @cache
-def candidates() -> tuple[mi.Scene, Any, list[Any]]:
+def candidates(low: float) -> tuple[mi.Scene, Any, list[Any]]:
     """The scene, a renderer, and its reservoirs and hits of some frames of candidates alone."""
-    scene = chain_scene()
+    scene = chain_scene(low)
     renderer = integrator(6, Mode({"temporal": False, "spatial": False}), mutations=1)
     frames = []
     for seed in range(8):
@@ -166,7 +179,7 @@ def candidates() -> tuple[mi.Scene, Any, list[Any]]:
 
 def first_of(chain: Chain) -> tuple[mi.Scene, Any, Reservoir, PrimaryHit]:
     """Copies of the first path that fits."""
-    scene, renderer, frames = candidates()
+    scene, renderer, frames = candidates(chain.low)
     for reservoirs, hits in frames:
         path = reservoirs.path
         fits = (kind_of(path) == chain.kind) & (edge_count(path) == chain.edges)
@@ -176,6 +189,9 @@ def first_of(chain: Chain) -> tuple[mi.Scene, Any, Reservoir, PrimaryHit]:
             fits &= next_kind_of(path) == chain.next_kind
             # The next vertex is on the floor, not on the ceiling's other side or edge.
             fits &= dr.abs(path.next.vertex.p.z) < 1e-3
+        if chain.low < CEILING:
+            # Neither half of the ceiling hides the other from there.
+            fits &= path.next.vertex.p.x < 0
         found = np.flatnonzero(np.array(fits & (reservoirs.weight > 0)))
         if len(found):
             lane = dr.full(mi.UInt32, int(found[0]), LANES)
@@ -193,7 +209,8 @@ def p_value(chain: Chain) -> float:
     scene, renderer, start, hits = first_of(chain)
     dr.eval(start, hits)
     scope = scope_of(renderer, scene, number=1, seed=2)
-    after, mutated = mutate(scope, start, hits, mutation_plan(STEPS, chain.step))
+    plan = mutation_plan(STEPS, chain.step, surrogates=chain.surrogates)
+    after, mutated = mutate(scope, start, hits, plan)
     assert float(dr.mean(mi.Float(mutated.accepted))[0]) > 0.1 * STEPS
     path = {
         "vertex": np.array(start.path.vertex.p)[:, 0].astype(float),
@@ -213,7 +230,7 @@ def p_value(chain: Chain) -> float:
         grid = np.stack([np.full_like(s, LIGHT), REACH * s, 1 + REACH * t], axis=-1)
         ends = np.stack([ends[:, 1], ends[:, 2] - 1], axis=-1) / REACH
     else:
-        grid = np.stack([HALF * s, HALF * t, np.full_like(s, CEILING)], axis=-1)
+        grid = np.stack([HALF * s, HALF * t, np.where(s > 0, chain.low, CEILING)], axis=-1)
         ends = ends[:, :2] / HALF
     assert np.abs(ends).max() < 1 + 1e-5
     expected = chain.density(grid, path).reshape(CELLS, FINE, CELLS, FINE).sum(axis=(1, 3))
@@ -242,6 +259,15 @@ def test_final_states_follow_the_target_function(rgb, name):
         ("light", "dr.select(ahead, geometry, 1)", "mi.Float(1)"),
         ("surface, longer", "dr.select(by_numbers, 1, pdf)", "mi.Float(1)"),
         ("light sample", "(uniform(random, i, 2) < acceptance(state, proposal))", "mi.Bool(True)"),
+        # The way back over the way there: without it, the surrogate's density is left, too.
+        ("light, surrogates", "first / density", "mi.Float(1)"),
+        ("surface, longer, surrogates", "first / density", "mi.Float(1)"),
+        # The surrogate of the other state's plane is another function.
+        (
+            "surface, two planes, surrogates",
+            "dr.select(same_plane(pivot, state, proposed), way_back, 0)",
+            "mi.Float(way_back)",
+        ),
     ],
 )
 def test_control(rgb, monkeypatch, name, old, new):

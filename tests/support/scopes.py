@@ -11,6 +11,7 @@ import mitsuba as mi
 from mitsuba_restir.mutations.chain import Acceptance, Mutated, metropolis_hastings, run_chain
 from mitsuba_restir.mutations.kind import MutationPlan
 from mitsuba_restir.mutations.proposals import MoveReconnectionVertex
+from mitsuba_restir.mutations.surrogate import MoveInPlane
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.primary_hit import PrimaryHit
 from mitsuba_restir.resampling.reservoir import Reservoir
@@ -56,9 +57,13 @@ def scope_of(
     return scope_maker(renderer)(scene, sensor, number, seed)
 
 
-def mutation_plan(steps: int, step: float, interval: int = 1, energy_weight: float = 0) -> Any:
+def mutation_plan(
+    steps: int, step: float, interval: int = 1, energy_weight: float = 0, surrogates: int = 0
+) -> MutationPlan:
     """Moves of the reconnection vertex by the unbiased rule, unless a test brings its own."""
-    return MutationPlan(MoveReconnectionVertex(step), steps, interval, "metropolis", energy_weight)
+    plain = MoveReconnectionVertex(step)
+    kind = MoveInPlane(plain, surrogates) if surrogates else plain
+    return MutationPlan(kind, steps, interval, "metropolis", energy_weight)
 
 
 def mutate(

@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_restir.mutations.kind import MutationPlan
 from mitsuba_restir.paths.primary_hit import PrimaryHit
 from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.paths.vertex import exists
@@ -30,7 +31,7 @@ from .modes import Mode
 from .pixels import image_of
 from .references import Case
 from .runs import bias_report, integrator
-from .scopes import mutate, mutation_plan, scope_maker
+from .scopes import mutate, scope_maker
 from .transport import neighbour
 
 FRESH = Mode({"temporal": False, "spatial": False})
@@ -41,8 +42,7 @@ def differences(
     max_depth: int,
     mode: Mode,
     offset: tuple[int, int],
-    mutations: int,
-    step: float,
+    plan: MutationPlan,
 ) -> Iterator[np.ndarray]:
     """g(y) W' - g(x) W in every pixel, (H, W, 3), for one independent run after the other."""
     width, height = scene.sensors()[0].film().crop_size()
@@ -56,14 +56,14 @@ def differences(
             renderer.render(scene, seed=seed, spp=mode.spp)
         seed += 1
         if recorded is None:
-            recorded = dr.freeze(_difference(renderer, mutations, step))
+            recorded = dr.freeze(_difference(renderer, plan))
         history = renderer._history
         number = dr.opaque(mi.UInt32, 1000 + seed)
         d = recorded(scene, history.reservoirs, history.hits, other, inside, number)
         yield np.moveaxis(image_of(d, width, height), 0, -1).astype(np.float64)
 
 
-def _difference(renderer: Any, mutations: int, step: float) -> Any:
+def _difference(renderer: Any, plan: MutationPlan) -> Any:
     scope_of = scope_maker(renderer)
 
     def difference(
@@ -75,7 +75,7 @@ def _difference(renderer: Any, mutations: int, step: float) -> Any:
         number: Any,
     ) -> Any:
         scope = scope_of(scene, number=number, seed=number)
-        mutated, _ = mutate(scope, reservoirs, hits, mutation_plan(mutations, step))
+        mutated, _ = mutate(scope, reservoirs, hits, plan)
         dr.eval(mutated)
         near = dr.gather(PrimaryHit, hits, other, inside)
         valid = inside & exists(near.vertex)
@@ -100,10 +100,9 @@ def stationarity_report(
     offset: tuple[int, int],
     runs: int,
     reference: np.ndarray,
-    mutations: int,
-    step: float,
+    plan: MutationPlan,
     mode: Mode = FRESH,
 ) -> BiasReport:
     """Test that the differences vanish; added to the reference, so that powers are relative."""
-    found = differences(case.load(), case.max_depth, mode, offset, mutations, step)
+    found = differences(case.load(), case.max_depth, mode, offset, plan)
     return bias_report((reference + each for each in found), runs, reference)

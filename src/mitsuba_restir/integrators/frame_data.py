@@ -11,6 +11,7 @@ from ..guiding.policy import Findings, Learnt, nothing_learnt
 from ..mutations.chain import Mutated
 from ..mutations.kind import MutationPlan
 from ..mutations.proposals import MoveReconnectionVertex
+from ..mutations.surrogate import MoveInPlane
 from ..neighbors.color_history import ColorHistory, no_color_history
 from ..passes.temporal import Previous
 from ..paths.grid import grid_of
@@ -184,8 +185,10 @@ class Plan:
     def mutations(self) -> MutationPlan:
         """How paths are mutated."""
         parameters = self.parameters
+        plain = MoveReconnectionVertex(parameters.mutation_step)
+        surrogates = parameters.mutation_surrogates
         return MutationPlan(
-            MoveReconnectionVertex(parameters.mutation_step),
+            MoveInPlane(plain, surrogates) if surrogates else plain,
             parameters.mutations,
             parameters.mutation_interval,
             parameters.mutation_acceptance,

@@ -116,6 +116,13 @@ class Parameters:
     mutation_step: float = declared(
         0.05, "Standard deviation of a mutation in primary sample space.", low=1e-4, high=1
     )
+    mutation_surrogates: int = declared(
+        0,
+        """Steps before each of these that need no ray, in the plane of the vertex that is moved and
+        on a simpler target function; the true step then accepts or refuses where they lead (Liu
+        2001). As unbiased as without.""",
+        high=1000,
+    )
     mutation_interval: int = declared(
         1,
         """Mutate only the n-th part of the pixels per frame, in sets that alternate so that every
@@ -247,15 +254,22 @@ def read_parameters(props: Any) -> Parameters:
     ValueError
         For an unknown name or a value outside the allowed range, naming what is allowed.
     """
-    preset = PARAMETERS["preset"]
-    defaults = PRESETS[str(preset.check(props.get("preset", preset.default)))]
-    values: dict[str, Any] = {
-        name: declaration.check(props.get(name, defaults.get(name, declaration.default)))
-        for name, declaration in PARAMETERS.items()
-    }
+    found = {name: props.get(name, None) for name in PARAMETERS}
+    parameters = resolve({name: value for name, value in found.items() if value is not None})
     if unknown := props.unqueried():
         known = ", ".join(PARAMETERS)
         raise ValueError(f"restir_pt has no parameter '{unknown[0]}'; it has {known}")
+    return parameters
+
+
+def resolve(given: Mapping[str, Any]) -> Parameters:
+    """All parameters, where only these are given; errors as of :func:`read_parameters`."""
+    preset = PARAMETERS["preset"]
+    defaults = PRESETS[str(preset.check(given.get("preset", preset.default)))]
+    values: dict[str, Any] = {
+        name: declaration.check(given.get(name, defaults.get(name, declaration.default)))
+        for name, declaration in PARAMETERS.items()
+    }
     parameters = Parameters(**values)
     _check_together(parameters)
     return parameters

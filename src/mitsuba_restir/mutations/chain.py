@@ -16,7 +16,7 @@ import mitsuba as mi
 from ..paths.primary_hit import PrimaryHit
 from ..paths.spectrum import target
 from ..resampling.reservoir import Reservoir
-from ..sampling.streams import Purpose, uniform, uniform2
+from ..sampling.streams import Purpose, uniform
 from ..shifts.scope import Scope
 from .kind import MutationPlan, Proposal, State
 from .pivot import mutation_class
@@ -79,8 +79,7 @@ def run_chain(
     i = mi.UInt32(0)
 
     while dr.hint(active & (i < steps), exclude=[scope, mutation, acceptance], label="Mutations"):
-        u = mi.Point2f(*uniform2(random, i, 0))
-        proposal = mutation.propose(scope, pivot, state, u, active)
+        proposal = mutation.propose(scope, pivot, state, random, i, active)
         proposed = proposal.state
         take = active & (uniform(random, i, 2) < acceptance(state, proposal))
         new_weight = weight * target(state.color) / target(proposed.color)

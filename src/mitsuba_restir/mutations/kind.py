@@ -10,6 +10,7 @@ import mitsuba as mi
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import PathRecord
 from ..resampling.reservoir import Reservoir
+from ..sampling.streams import Stream
 from ..shifts.scope import Scope
 from .pivot import Pivot
 
@@ -19,8 +20,8 @@ class State:
     """A state of the Markov chain.
 
     Fields: ``path``, ``color`` (F), ``density`` (the factors of the path's density that moves
-    change, p(x_{k-1} -> x_k) among them), ``direction`` (x_{k-1} to x_k) and ``pdf`` (its BSDF
-    pdf).
+    change, p(x_{k-1} -> x_k) among them), ``direction`` (x_{k-1} to x_k), ``pdf`` (its BSDF pdf)
+    and ``normal`` (of x_k's face; 0 where there is none).
     """
 
     path: PathRecord
@@ -28,6 +29,7 @@ class State:
     density: mi.Float
     direction: mi.Vector3f
     pdf: mi.Float
+    normal: mi.Normal3f
 
 
 @dataclass
@@ -54,9 +56,15 @@ class Mutation(Protocol):
         """What the chain leaves alone (invalid where there is no chain), and its first state."""
 
     def propose(
-        self, scope: Scope, pivot: Pivot, state: State, u: mi.Point2f, active: mi.Bool
+        self,
+        scope: Scope,
+        pivot: Pivot,
+        state: State,
+        random: Stream,
+        i: mi.UInt32,
+        active: mi.Bool,
     ) -> Proposal:
-        """Draw a proposal with two uniform numbers."""
+        """Draw a proposal with the numbers of the stream's ``i``-th vertex in block 0, and fork."""
 
 
 @dataclass(frozen=True)

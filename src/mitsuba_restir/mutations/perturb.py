@@ -155,7 +155,8 @@ def at_vertex(
         dr.select(hit & ~ahead, si_k.spawn_ray(wo), si_k.spawn_ray_to(end)),
     )
     color = dr.select(defined & (density > 0), color, 0)
-    return State(moved, color, density, direction, pdf), shadow, onward | (active & by_numbers)
+    state = State(moved, color, density, direction, pdf, si_k.n)
+    return state, shadow, onward | (active & by_numbers)
 
 
 def _through(path: PathRecord, value: mi.Spectrum, pdf: mi.Float) -> mi.Spectrum:

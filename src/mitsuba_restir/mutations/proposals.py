@@ -17,6 +17,7 @@ from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Kind, PathRecord, kind_of
 from ..paths.vertex import compact, connected
 from ..resampling.reservoir import Reservoir
+from ..sampling.streams import Stream, uniform2
 from ..shifts.scope import Scope
 from .kind import Proposal, State
 from .perturb import CHANGES, Landing, at_vertex
@@ -50,29 +51,69 @@ class MoveReconnectionVertex:
         return pivot, replace(state, path=path, color=reservoirs.color)
 
     def propose(
-        self, scope: Scope, pivot: Pivot, state: State, u: mi.Point2f, active: mi.Bool
+        self,
+        scope: Scope,
+        pivot: Pivot,
+        state: State,
+        random: Stream,
+        i: mi.UInt32,
+        active: mi.Bool,
     ) -> Proposal:
         """See :class:`.kind.Mutation`."""
-        by_numbers = kind_of(state.path) == Kind.REPLAY_NEE
-        to_environment = kind_of(state.path) == Kind.ENVIRONMENT
-        path = _move_numbers(state.path, by_numbers, u, self.step)
-
-        concentration = _concentration(state.pdf, self.step)
-        local = mi.warp.square_to_von_mises_fisher(u, concentration)
-        ray = pivot.si.spawn_ray(mi.Frame3f(state.direction).to_world(local))
-        aimed = active & ~by_numbers
-        pi = scope.scene.ray_intersect_preliminary(ray, coherent=False, active=aimed)
-        si = pi.compute_surface_interaction(ray, active=aimed)
-        lands = active & (by_numbers | (si.is_valid() ^ to_environment))
-
-        landing = Landing(compact(pi, si.p), si, ray)
-        proposed, shadow, tested = at_vertex(scope, pivot, path, landing, lands)
-
-        lobe = _log_lobe(state, proposed.pdf, proposed, self.step) - _log_lobe(
-            proposed, state.pdf, state, self.step
-        )
-        transition = proposed.density / state.density * dr.select(by_numbers, 1, dr.exp(lobe))
+        path, direction = aim(state, random, i, self.step)
+        proposed, shadow, tested = landed(scope, pivot, path, direction, active)
+        way_back = aimed_back(state, proposed, self.step)
+        transition = proposed.density / state.density * way_back
         return Proposal(proposed, transition, shadow, tested)
+
+
+def aim(state: State, random: Stream, i: mi.UInt32, step: float) -> tuple[PathRecord, mi.Vector3f]:
+    """Perturb a state's direction; or, where there is none, the numbers that sample its light."""
+    u = mi.Point2f(*uniform2(random, i, 0))
+    by_numbers = kind_of(state.path) == Kind.REPLAY_NEE
+    path = _move_numbers(state.path, by_numbers, u, step)
+    return path, perturbed(state.direction, state.pdf, u, step)
+
+
+def aimed_back(start: State, end: State, step: float) -> mi.Float:
+    """Density of :func:`aim` from ``end`` to ``start`` over that of the way there."""
+    by_numbers = kind_of(start.path) == Kind.REPLAY_NEE
+    lobe = lobe_ratio(start.direction, start.pdf, end.direction, end.pdf, step)
+    return dr.select(by_numbers, 1, lobe)
+
+
+def landed(
+    scope: Scope, pivot: Pivot, path: PathRecord, direction: mi.Vector3f, active: mi.Bool
+) -> tuple[State, mi.Ray3f, mi.Bool]:
+    """The path that leaves x_{k-1} in another direction; returns as of :func:`.perturb.at_vertex`.
+
+    A path whose light is sampled from there carries its new numbers already, and has no direction.
+    """
+    by_numbers = kind_of(path) == Kind.REPLAY_NEE
+    to_environment = kind_of(path) == Kind.ENVIRONMENT
+    ray = pivot.si.spawn_ray(direction)
+    aimed = active & ~by_numbers
+    pi = scope.scene.ray_intersect_preliminary(ray, coherent=False, active=aimed)
+    si = pi.compute_surface_interaction(ray, active=aimed)
+    lands = active & (by_numbers | (si.is_valid() ^ to_environment))
+    return at_vertex(scope, pivot, path, Landing(compact(pi, si.p), si, ray), lands)
+
+
+def perturbed(direction: mi.Vector3f, pdf: mi.Float, u: mi.Point2f, step: float) -> mi.Vector3f:
+    """A direction of the lobe around another one, whose BSDF pdf is ``pdf``."""
+    local = mi.warp.square_to_von_mises_fisher(u, _concentration(pdf, step))
+    return mi.Frame3f(direction).to_world(local)
+
+
+def lobe_ratio(
+    start: mi.Vector3f, start_pdf: mi.Float, end: mi.Vector3f, end_pdf: mi.Float, step: float
+) -> mi.Float:
+    """Density of perturbing ``end`` to ``start`` over that of the way there."""
+    distance2 = dr.squared_norm(end - start)
+    return dr.exp(
+        _log_lobe(distance2, _concentration(end_pdf, step))
+        - _log_lobe(distance2, _concentration(start_pdf, step))
+    )
 
 
 def _move_numbers(path: PathRecord, moves: mi.Bool, u: mi.Point2f, step: float) -> PathRecord:
@@ -89,10 +130,8 @@ def _concentration(pdf: mi.Float, step: float) -> mi.Float:
     return pdf / step**2
 
 
-def _log_lobe(end: State, pdf: mi.Float, start: State, step: float) -> mi.Float:
-    """Logarithm of the von Mises-Fisher density of ``end`` around ``start``, up to a constant."""
-    concentration = _concentration(pdf, step)
-    distance2 = dr.squared_norm(end.direction - start.direction)
+def _log_lobe(distance2: mi.Float, concentration: mi.Float) -> mi.Float:
+    """Logarithm of the von Mises-Fisher density at a squared chord, up to a constant."""
     # c / (1 - exp(-2 c)), by its series where the difference would cancel.
     scale = dr.select(
         concentration > 0.05,

@@ -39,9 +39,27 @@ class Previous:
     valid: mi.Bool
 
 
-def capped(previous: Previous, current: Reservoir, cap: float) -> Reservoir:
-    """The history's reservoirs, their confidence at most ``cap`` times the current one."""
-    confidence = dr.minimum(previous.reservoirs.confidence, cap * current.confidence)
+YOUNG = 2.0
+"""Largest confidence of a history, relative to the candidates that each pixel has had in it.
+
+Spatial reuse adds up the confidences of neighbours that share most of what they hold: after three
+frames they would be at any cap, and the first frame would count for most of the picture until so
+many frames as the cap have passed. At 1 all frames count alike, and pixels are noisier at first.
+"""
+
+
+def capped(previous: Previous, current: Reservoir, cap: float, trees: mi.UInt32) -> Reservoir:
+    """The history's reservoirs, with a confidence that is not more than it is worth.
+
+    Parameters
+    ----------
+    cap : float
+        Largest confidence, as a multiple of the current one.
+    trees : UInt32
+        Candidates that each pixel has had in the history.
+    """
+    most = dr.minimum(cap * current.confidence, YOUNG * mi.Float(trees))
+    confidence = dr.minimum(previous.reservoirs.confidence, most)
     return replace(previous.reservoirs, confidence=dr.select(previous.valid, confidence, 0))
 
 
@@ -104,7 +122,7 @@ def merge_history(
         Outcomes of the two shifts (history to current, current to history), 3 bits each, and
         :data:`mitsuba_restir.shifts.mapping.MERGE_REFUSED`.
     """
-    history = capped(previous, current, cap)
+    history = capped(previous, current, cap, scope.key.sample)
     forward, backward = exchange.forward, exchange.backward
 
     own = current.confidence * target(current.color)

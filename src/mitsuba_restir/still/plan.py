@@ -27,6 +27,7 @@ PLANNED = (
     "guiding",
     "mutations",
     "mutation_step",
+    "mutation_surrogates",
     "mutation_interval",
     "blue_noise_seeds",
 )

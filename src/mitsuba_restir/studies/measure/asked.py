@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from ...errors import UsageError
 from ..config.study import Study
+from .excess import shows_candidates
 from .quantities import QUANTITIES
 
 BENCHMARKS = ("rays", "kernels", "memory", "startup")
@@ -50,6 +51,8 @@ def _lacks(study: Study, name: str) -> Iterator[str]:
         yield "needs keep = 'all' and at least 2 frames"
     if needs.sequences and study.stride > 1:
         yield "needs consecutive frames: stride = 1"
+    if needs.needs_candidates and not any(map(shows_candidates, study.variants.values())):
+        yield "needs a variant of candidates alone: temporal = false and spatial = false, or path"
     if needs.package and importlib.util.find_spec(needs.package) is None:
         yield f"needs pip install {needs.package.replace('_', '-')}"
     if study.runs < needs.least_runs:

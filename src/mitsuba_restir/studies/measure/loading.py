@@ -8,6 +8,7 @@ from ..store.folder import StudyFolder
 from ..store.reference import load_reference, notes_on_reference
 from .asked import probes_of
 from .derived import with_derived
+from .excess import sharing_of
 from .results import Measured
 
 
@@ -36,5 +37,6 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
         probes,
         settled=study.warmup > 0,
         notes=[*notes_on_reference(study, reference), *notes_on_software(label, rendered_runs)],
+        sharing=sharing_of(study),
     )
     return with_derived(study, rendered)

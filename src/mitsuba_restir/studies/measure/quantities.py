@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from . import biases, cold_start, correlations, errors, noise, probed, times, variances
+from . import biases, cold_start, correlations, errors, excess, noise, probed, times, variances
 from .errors import of_frames, of_mean, one_by_one
 from .frame_errors import BLOTCHES, SIGMA, last_frame_of
 from .probes import GUIDED, GUIDED_TRIMMED
@@ -33,6 +33,8 @@ class Quantity:
         Needs every frame of a run, and more than one.
     least_runs : int
         Independent runs that it needs.
+    needs_candidates : bool
+        Needs a variant of candidates alone.
     probe : str
         Name of the probe that measures it; empty for what is measured from images and times.
     package : str
@@ -45,6 +47,7 @@ class Quantity:
     cold: bool = False
     sequences: bool = False
     least_runs: int = 1
+    needs_candidates: bool = False
     probe: str = ""
     package: str = ""
 
@@ -239,6 +242,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         one_by_one(*map(errors.seen_through, BLOTCHES)),
         [Number(f"filtered MSE, {sigma:g} px") for sigma in BLOTCHES],
         needs_reference=True,
+    ),
+    "excess": Quantity(
+        excess.excesses,
+        excess.NUMBERS,
+        needs_reference=True,
+        least_runs=3,
+        needs_candidates=True,
     ),
     "smape": Quantity(
         of_frames(errors.smape, noise.clipped),

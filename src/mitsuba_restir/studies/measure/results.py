@@ -6,7 +6,28 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...analysis.intervals import Interval
+from ...analysis.reuse import Reuse
 from ..runs.results import Image, ReferenceImage, Run
+
+
+@dataclass(frozen=True)
+class Sharing:
+    """
+    How the frames of a variant came about.
+
+    Fields
+    ------
+    reuse : Reuse
+        None of temporal and spatial reuse where its frames are candidates alone.
+    trees : int
+        Candidates per pixel and frame.
+    candidates : str
+        The variant that shows its candidates alone; empty where there is none.
+    """
+
+    reuse: Reuse
+    trees: int
+    candidates: str
 
 
 @dataclass(frozen=True)
@@ -35,6 +56,8 @@ class Measured:
         Standard deviation in pixels of the Gaussian of each variant that is made by one.
     notes : sequence of str
         What cannot be given, and why.
+    sharing : mapping of str to Sharing
+        Of the variants that are made of candidates, by variant.
     """
 
     size: str
@@ -48,6 +71,7 @@ class Measured:
     settled: bool = False
     blurs: Mapping[str, float] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    sharing: Mapping[str, Sharing] = field(default_factory=dict)
 
     def partner(self, variant: str) -> str | None:
         """Return the variant that one is compared with run by run; None where that cannot be."""
