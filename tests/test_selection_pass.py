@@ -303,10 +303,11 @@ def moved(dx, dy, jitter=(0.5, 0.5), valid=None):
     column, row = np.floor(x + jitter[0] + dx), np.floor(y + jitter[1] + dy)
     inside = (column >= 0) & (column < WIDTH) & (row >= 0) & (row < HEIGHT)
     known = inside if valid is None else inside & valid
-    pixel = np.where(inside, row * WIDTH + column, 0).astype(np.uint32)
+    there = (np.where(inside, index, 0).astype(int) for index in (row, column))
+    pixel = order(WIDTH, HEIGHT)[tuple(there)]
     flow = mi.Vector2f(dr.full(mi.Float, dx, WIDTH * HEIGHT), dr.full(mi.Float, dy, WIDTH * HEIGHT))
     no = dr.zeros(mi.Bool, WIDTH * HEIGHT)
-    return Motion(mi.UInt32(pixel.ravel()), mi.Bool(known.ravel()), flow, no, no)
+    return Motion(mi.UInt32(lanes_of(pixel)), mi.Bool(lanes_of(known)), flow, no, no)
 
 
 def carried_image(hits, values, motion):
@@ -339,12 +340,12 @@ def test_history_is_hardly_blurred(wall):
 
 def test_history_stays_within_what_is_there(edges):
     rng = np.random.default_rng(0)
-    sheet = (np.array(edges.vertex.p.z) > 1).reshape(HEIGHT, WIDTH)
+    sheet = image_of(edges.vertex.p.z, WIDTH, HEIGHT) > 1
     values = np.where(sheet, 50, 1) * rng.exponential(size=(HEIGHT, WIDTH))
     motion = moved(0.4, 0.6)
-    found = carried_image(edges, values, motion)[..., 1].ravel()
+    found = lanes_of(carried_image(edges, values, motion)[..., 1])
     there = np.array(motion.pixel)
-    of_wall = np.array(motion.valid) & ~sheet.ravel()[there]
+    of_wall = np.array(motion.valid) & ~lanes_of(sheet)[there]
     assert found.min() >= 0
     assert found[of_wall].max() <= values[~sheet].max() + 1e-5
     nothing = carried_image(edges, values, moved(0.4, 0.6, valid=sheet))
@@ -353,7 +354,7 @@ def test_history_stays_within_what_is_there(edges):
 
 def test_smoothing_keeps_edges_and_takes_noise(edges):
     rng = np.random.default_rng(0)
-    sheet = (np.array(edges.vertex.p.z) > 1).reshape(HEIGHT, WIDTH)
+    sheet = image_of(edges.vertex.p.z, WIDTH, HEIGHT) > 1
     left = np.arange(WIDTH) < WIDTH // 3
     truth = np.where(sheet, 50.0, np.where(left, 1.0, 0.05))
     noisy = truth * rng.gamma(100, 0.01, truth.shape)

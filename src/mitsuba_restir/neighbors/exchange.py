@@ -25,8 +25,8 @@ from ..sampling.streams import Stream
 Found = TypeVar("Found")
 
 TOGETHER = 3
-"""Neighbours that a kernel shifts at most: it reads once what their shifts have in common, and takes
-the longer to compile."""
+"""Neighbours that a kernel shifts at most: what their shifts have in common is read once, and
+compiling takes longer."""
 
 
 @dataclass
