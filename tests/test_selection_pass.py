@@ -388,7 +388,7 @@ FIELDS = {
     "heavy tails, few pairs": Field(0.012, lit=0.15, shape=1.0, paired=0.6),
     "shadow edge": Field(0.015, darkness=0.1),
     "moving shadow edge": Field(0.035, darkness=0.1, speed=1),
-    "moving shadow edge, heavy tails": Field(0.28, lit=0.15, shape=1.0, darkness=0.1, speed=1),
+    "moving shadow edge, heavy tails": Field(0.3, lit=0.15, shape=1.0, darkness=0.1, speed=1),
 }
 
 
