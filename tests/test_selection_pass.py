@@ -384,14 +384,14 @@ class Field:
 
 FIELDS = {
     "smooth": Field(0.001),
-    "heavy tails": Field(0.005, lit=0.15, shape=1.0),
-    "heavier tails": Field(0.007, lit=0.15, shape=0.3),
-    "heavy tails, ranked": Field(0.005, lit=0.15, shape=1.0, ranked=True),
-    "heavy tails, blue": Field(0.005, lit=0.15, shape=1.0, tint=(0.05, 0.05, 1.0)),
-    "heavy tails, few pairs": Field(0.007, lit=0.15, shape=1.0, paired=0.6),
+    "heavy tails": Field(0.007, lit=0.15, shape=1.0),
+    "heavier tails": Field(0.018, lit=0.15, shape=0.3),
+    "heavy tails, ranked": Field(0.007, lit=0.15, shape=1.0, ranked=True),
+    "heavy tails, blue": Field(0.007, lit=0.15, shape=1.0, tint=(0.05, 0.05, 1.0)),
+    "heavy tails, few pairs": Field(0.012, lit=0.15, shape=1.0, paired=0.6),
     "shadow edge": Field(0.015, darkness=0.1),
     "moving shadow edge": Field(0.035, darkness=0.1, speed=1),
-    "moving shadow edge, heavy tails": Field(0.28, lit=0.15, shape=1.0, darkness=0.1, speed=1),
+    "moving shadow edge, heavy tails": Field(0.3, lit=0.15, shape=1.0, darkness=0.1, speed=1),
 }
 
 
@@ -472,7 +472,7 @@ def test_bias_is_bounded(wall, name):
 
 CONTROLS = {
     "excess": (
-        "heavy tails",
+        "heavier tails",
         Mutation(
             "smoothed(grid, colors, alike, further) - colors.excess",
             "smoothed(grid, colors, alike, further)",
