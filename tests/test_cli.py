@@ -355,7 +355,8 @@ def test_camera_path_moves_the_sensor(folder):
     assert len(list(folder.glob("out_*.exr"))) == 3
     first, last = (np.array(mi.Bitmap(f"out_000{frame}.exr"))[2:4, 3:5, 3] for frame in (0, 2))
     assert np.all(first < 0.1)
-    np.testing.assert_allclose(last, 3.0, atol=0.2)
+    # From 3 in the middle to 3.3 at the corners of these pixels.
+    np.testing.assert_allclose(last, 3.15, atol=0.2)
 
 
 @pytest.mark.slow
