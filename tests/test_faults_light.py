@@ -20,6 +20,7 @@ from support.finite import not_finite, poisoned
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
 from support.runs import ALPHA, assert_unbiased, bias_report, independent_runs, integrator
+from support.scopes import mutation_plan
 from support.stationarity import stationarity_report
 from support.transport import transport_report
 from test_unbiased import check
@@ -54,7 +55,8 @@ def transport(name: str, shift: str, runs: int = 512):
 
 def stationarity(name: str):
     reference, _ = references.load(name)
-    return stationarity_report(references.CASES[name], (0, 5), 512, reference, 3, 0.05)
+    plan = mutation_plan(3, 0.05)
+    return stationarity_report(references.CASES[name], (0, 5), 512, reference, plan)
 
 
 @pytest.mark.parametrize("shift", SHIFTS)
