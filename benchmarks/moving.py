@@ -28,6 +28,7 @@ from mitsuba_restir.analysis.intervals import Interval, mean_interval, with_know
 from mitsuba_restir.analysis.metrics import trimmed_relmse
 from mitsuba_restir.integrators import frame as frames_of
 from mitsuba_restir.neighbors.reproject import reproject
+from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.sequence.change import Watched
 
 SCENE, SIZE, DEPTH, FRAMES = "cornell", (96, 96), 6, 8
@@ -128,7 +129,7 @@ def measure(tracks: list[Any], parameters: dict[str, Any], way: str, runs: int) 
                 moved |= np.array(integrator.frame.found.moved)
                 matched.append(integrator.statistics().get("moving", {}).get("matched", np.nan))
     return Found(
-        np.stack(images), moved.reshape(SIZE[::-1]), float(np.mean(matched)), np.array(seconds)
+        np.stack(images), grid_of(*SIZE).image(moved), float(np.mean(matched)), np.array(seconds)
     )
 
 

@@ -1,7 +1,7 @@
 """Nanoseconds a pixel that each kernel of a frame takes, in the order of their launch.
 
 With the defaults of ``restir_pt`` and a history, these are primary hits, candidates, temporal
-reuse, one kernel a neighbour, the merge, and the film; the rest is small.
+reuse, the shifts of all neighbours, the merge, and the film; the rest is small.
 """
 
 from __future__ import annotations

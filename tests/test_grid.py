@@ -39,6 +39,14 @@ def test_a_look_beyond_the_border_stays(size: tuple[int, int]) -> None:
         assert np.array_equal(row, np.where(expected, y + dy, y))
 
 
+@pytest.mark.parametrize("size", [(1, 1), (5, 6), (37, 23)])
+def test_an_image_has_its_pixels_where_they_are_seen(size: tuple[int, int]) -> None:
+    grid = grid_of(*size)
+    places = np.stack([np.array(value) for value in grid.place(grid.pixels())])
+    y, x = np.indices(size[::-1])
+    assert np.array_equal(grid.image(places), np.stack([x, y]))
+
+
 def test_a_block_of_pixels_lies_together() -> None:
     grid = grid_of(64, 32)
     x, y = (np.array(value) for value in grid.place(grid.pixels()))

@@ -25,4 +25,4 @@ def lanes_of(image: Any) -> np.ndarray:
 
 def image_of(lanes: Any, width: int, height: int) -> np.ndarray:
     """The (..., pixels) values of the grid as a (..., height, width) image."""
-    return np.array(lanes)[..., order(width, height)]
+    return grid_of(width, height).image(np.array(lanes))

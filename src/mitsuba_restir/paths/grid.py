@@ -7,9 +7,12 @@ pixel fits a processor's cache however wide the image is. Only this module knows
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+import numpy.typing as npt
 
 from .divisor import Divisor, divisor
 
@@ -49,6 +52,11 @@ class Grid:
         lane = self.pixels()
         y = lane // self.width
         return self.index(lane - y * self.width, y)
+
+    def image(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Values of every pixel, (..., pixels), as an image on the host, (..., rows, columns)."""
+        ordered = values[..., np.array(self.by_rows())]
+        return ordered.reshape(*values.shape[:-1], self.rows, self.columns)
 
     def place(self, pixel: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
         """Column and row of a pixel."""

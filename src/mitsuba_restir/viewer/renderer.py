@@ -88,12 +88,10 @@ class Shot:
 
     def channels(self, values: list[mi.Float]) -> npt.NDArray[np.float32]:
         """Values of every pixel as an image, (H, W, C)."""
-        width, height = self.size
-        rows = grid_of(width, height).by_rows()
+        grid = grid_of(*self.size)
         # A value that is the same everywhere has one entry only.
-        whole = [value + dr.zeros(mi.Float, width * height) for value in values]
-        image = [np.array(dr.gather(mi.Float, value, rows)) for value in whole]
-        return np.stack(image, axis=-1).reshape(height, width, len(values))
+        whole = [np.broadcast_to(np.array(value), grid.size) for value in values]
+        return np.moveaxis(grid.image(np.stack(whole)), 0, -1)
 
 
 class Renderer:
