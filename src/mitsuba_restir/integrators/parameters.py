@@ -147,7 +147,7 @@ class Parameters:
         """What is shown. ``none``: the plain average of the estimates that spatial reuse has made.
         ``selection``: of these, the one that moves the error to high frequencies, steered by a
         colour history of plain averages. Nothing of it gets into reservoirs or history. **What is
-        shown is biased** (by 0.7 to 0.9 % of the mean in the ceiling view of Veach Ajar, more
+        shown is biased** (by 0.4 to 0.9 % of the mean in Veach Ajar, more
         behind shadows that move), and it needs ``spatial`` and ``temporal``.""",
         choices=("none", "selection"),
         former={
