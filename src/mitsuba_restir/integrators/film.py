@@ -10,20 +10,29 @@ from ..paths.grid import grid_of
 from .frame_data import Frame
 
 
-def developed(film: mi.Film, names: Sequence[str], frame: Frame) -> mi.TensorXf:
-    """The film with every pixel's colour and auxiliary channels at its centre.
+def settle(sensor: mi.Sensor, names: Sequence[str]) -> None:
+    """Empty the film, and seed the sampler as ``mi.render`` leaves it.
+
+    The scene holds both. Were they not the same before every frame, the stages of the second frame
+    would be recorded anew.
 
     Parameters
     ----------
     names : sequence of str
-        Of the auxiliary channels.
+        Of the film's auxiliary channels.
+    """
+    sensor.film().prepare(list(names))
+    sensor.sampler().seed(0, 1)
+
+
+def developed(film: mi.Film, frame: Frame) -> mi.TensorXf:
+    """The prepared film with every pixel's colour and auxiliary channels at its centre.
 
     Returns
     -------
     TensorXf
         Shape (height, width, channels).
     """
-    film.prepare(list(names))
     block = film.create_block()
     block.set_coalesce(False)
     grid = grid_of(*film.crop_size())

@@ -39,7 +39,20 @@ from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
 from ..resampling.subsets import Round
 from ..shifts.carry import Source, carried_back, carried_forth, kept_pdf
-from .frame_data import Beside, Found, Frame, History, LookedBack, Plan, Sampled, Setting, Waiting
+from .frame_data import (
+    Beside,
+    Changed,
+    Found,
+    Frame,
+    History,
+    LookedBack,
+    Plan,
+    Rounds,
+    Sampled,
+    Setting,
+    Shared,
+    Waiting,
+)
 
 
 def sample_paths(
@@ -154,58 +167,81 @@ def learn_paths(plan: Plan, setting: Setting, learnt: Learnt, findings: Findings
     return taught(learnt, findings, setting.now.hit, plan.parameters.retrace_history)
 
 
+def mutate_paths(plan: Plan, setting: Setting, before: Reservoir, turn: mi.UInt32) -> Changed:
+    """Second half of a frame, its beginning: mutations.
+
+    Parameters
+    ----------
+    before : Reservoir
+        What the first half left.
+    turn : UInt32
+        Running number of the frame; decides which pixels are mutated where not all are.
+    """
+    parameters, reservoirs, mutated = plan.parameters, before, None
+    if parameters.mutates:
+        scope, hit = plan.scope(setting), setting.now.hit
+        reservoirs, mutated = decorrelate(scope, reservoirs, hit, plan.mutations(), turn)
+        dr.eval(reservoirs, mutated)
+    kinds = [kind for _, kind in parameters.images]
+    changed = Changed(reservoirs, mutated, moved_images(kinds, before, reservoirs))
+    dr.eval(changed)
+    return changed
+
+
 def share_paths(
-    plan: Plan, setting: Setting, sampled: Sampled, layouts: list[Any], turn: mi.UInt32
+    plan: Plan, setting: Setting, reservoirs: Reservoir, layout: Any, index: mi.UInt32
+) -> Shared:
+    """One round of spatial reuse.
+
+    Parameters
+    ----------
+    layout : Any
+        What the strategy of ``neighbor_sampling`` finds neighbours with in this round.
+    index : UInt32
+        Number of the round.
+    """
+    parameters = plan.parameters
+    sharing = Sharing(plan.scope(setting), setting.now.hit, parameters.spatial_neighbors)
+    strategy = STRATEGIES[parameters.neighbor_sampling]
+    merged = spatial(sharing, strategy, layout, reservoirs, index)
+    estimators = [merged.estimators] if parameters.selects else []
+    shared = Shared(merged.reservoirs, merged.color, estimators, merged.outcomes)
+    dr.eval(shared)
+    return shared
+
+
+def show_paths(
+    plan: Plan,
+    setting: Setting,
+    sampled: Sampled,
+    changed: Changed,
+    rounds: Rounds,
+    kept: tuple[Reservoir, Reservoir],
 ) -> Frame:
-    """Second half of a frame: mutations, spatial reuse and shading.
+    """Second half of a frame, its end: selection and shading.
 
     Parameters
     ----------
     sampled : Sampled
         What the first half left.
-    layouts : list
-        What the strategy of ``neighbor_sampling`` finds neighbours with, in each round.
-    turn : UInt32
-        Running number of the frame; decides which pixels are mutated where not all are.
+    kept : (Reservoir, Reservoir)
+        What spatial reuse ends with, and what goes into the history.
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
-    reservoirs, outcomes = sampled.reservoirs, [sampled.outcomes]
-    mutated = None
-    if parameters.mutates:
-        reservoirs, mutated = decorrelate(scope, reservoirs, now.hit, plan.mutations(), turn)
-        dr.eval(reservoirs, mutated)
-
-    kinds = [kind for _, kind in parameters.images]
-    moved = moved_images(kinds, sampled.reservoirs, reservoirs)
-    dr.eval(moved)
-
-    color = reservoir_color(reservoirs)
-    rounds = []
-    strategy = STRATEGIES[parameters.neighbor_sampling]
-    sharing = Sharing(scope, now.hit, parameters.spatial_neighbors)
-    first = color if parameters.shows("first_round") else mi.Color3f(0)
-    kept = reservoirs
-    for index, layout in enumerate(layouts):
-        merged = spatial(sharing, strategy, layout, reservoirs, dr.opaque(mi.UInt32, index))
-        reservoirs, color = merged.reservoirs, merged.color
-        rounds += [Round(color, merged.estimators)] if parameters.selects else []
-        outcomes.append(merged.outcomes)
-        first = color if index == 0 and parameters.shows("first_round") else first
-        dr.eval(reservoirs, color, merged.outcomes, rounds)
-        if index < parameters.spatial_feedback:
-            kept = reservoirs
-
-    colors = None
+    reservoirs, kept_back = kept
+    shown_colors = rounds.colors or [reservoir_color(reservoirs)]
+    color, first, colors = shown_colors[-1], shown_colors[0], None
     if sampled.colors is not None:
         seen = Seen(parameters.blue_noise_sigma, parameters.retrace_history)
-        color, colors = select(scope, now.hit, rounds, sampled.colors, seen)
+        known = [Round(*each) for each in zip(rounds.colors, rounds.estimators, strict=True)]
+        color, colors = select(scope, now.hit, known, sampled.colors, seen)
 
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     beside = sampled.beside
     color, first = color + beside.direct, first + beside.direct
     shown = Shown(now.hit, sampled.flow, reservoirs, past, beside.candidates, first)
-    extra = auxiliary(kinds, moved, shown)
+    extra = auxiliary([kind for _, kind in parameters.images], changed.moved, shown)
     beside = replace(beside, refused=dr.sum(beside.refused))
     dr.eval(color, extra, beside)
-    history = History(kept, now.hit, colors, sampled.learnt)
-    return Frame(color, extra, outcomes, sampled.found, mutated, beside, history)
+    history = History(kept_back, now.hit, colors, sampled.learnt)
+    return Frame(color, extra, rounds.outcomes, sampled.found, changed.mutated, beside, history)

@@ -18,6 +18,7 @@ from ..paths.grid import grid_of
 from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hit
 from ..paths.reshaped import drop_reshaped
 from ..paths.settings import PathLimits
+from ..resampling.pairwise import PairEstimators
 from ..resampling.reservoir import Reservoir, empty_reservoir
 from ..sampling.dither import Dither
 from ..sampling.streams import FrameKey
@@ -131,6 +132,56 @@ class Sampled:
     learnt: Learnt | None
     findings: Findings | None
     waiting: Waiting | None
+
+
+@dataclass
+class Changed:
+    """A frame after its mutations.
+
+    Fields: ``reservoirs``, ``mutated`` (None without mutations), ``moved`` (channels that show what
+    they changed, by auxiliary image).
+    """
+
+    reservoirs: Reservoir
+    mutated: Mutated | None
+    moved: list[list[mi.Float]]
+
+
+@dataclass
+class Shared:
+    """A frame after a round of spatial reuse.
+
+    Fields: ``reservoirs``, ``color`` (mean of the pair estimators), ``estimators`` (one entry with
+    selection, none without), ``outcomes`` (of the shifts).
+    """
+
+    reservoirs: Reservoir
+    color: mi.Color3f
+    estimators: list[PairEstimators]
+    outcomes: list[mi.UInt32]
+
+
+@dataclass
+class Rounds:
+    """What rounds of spatial reuse leave beside their reservoirs.
+
+    Fields: ``colors`` (of the first and the last, with selection of all), ``estimators`` (with
+    selection of all, else none), ``outcomes`` (of the temporal pass and each round).
+    """
+
+    colors: list[mi.Color3f]
+    estimators: list[PairEstimators]
+    outcomes: list[list[mi.UInt32]]
+
+
+def after_round(rounds: Rounds, shared: Shared) -> Rounds:
+    """The rounds so far, with one more."""
+    earlier = rounds.colors if shared.estimators else rounds.colors[:1]
+    return Rounds(
+        [*earlier, shared.color],
+        [*rounds.estimators, *shared.estimators],
+        [*rounds.outcomes, shared.outcomes],
+    )
 
 
 @dataclass

@@ -25,7 +25,7 @@ from .border import (
 )
 from .change import Change
 from .declaration import page
-from .film import developed
+from .film import developed, settle
 from .frame_data import Frame, History, Plan, no_history, without_reshaped
 from .parameters import PARAMETERS, read_parameters
 from .plan import dither_of, plan_of, setting_of
@@ -144,21 +144,21 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
             setting = setting_of(scene, sensor, key, self._dither, skip_emitters)
             change, self._change = self._change, None
+            settle(sensor, self.aov_names())
             with collection_paused():
                 assert self._history is not None
                 sampled = self._stages.sample(setting, self._history, self._camera, spp, change)
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None
                 sampled = self._stages.learn(setting, sampled, self._turn)
-                turn = dr.opaque(mi.UInt32, self._turn)
-                frame = self._stages.share(setting, sampled, self._layouts, turn)
+                frame = self._stages.share(setting, sampled, self._layouts, self._turn)
             self._history = frame.history
             if self._camera is not None:
                 self._camera = copy_camera(sensor)
             self._sample = (self._sample + spp) % WORDS
             self._turn = (self._turn + 1) % WORDS
             self.frame = frame
-            image = developed(sensor.film(), self.aov_names(), frame)
+            image = developed(sensor.film(), frame)
             dr.eval(image)
             return image
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -10,21 +12,53 @@ import mitsuba as mi
 from ..guiding.policy import teaches
 from ..paths.camera import Camera
 from .change import Change
-from .frame import learn_paths, look_back, reuse_paths, sample_paths, share_paths
-from .frame_data import History, Plan, Sampled, Setting
+from .frame import (
+    learn_paths,
+    look_back,
+    mutate_paths,
+    reuse_paths,
+    sample_paths,
+    share_paths,
+    show_paths,
+)
+from .frame_data import (
+    Changed,
+    Frame,
+    History,
+    Plan,
+    Rounds,
+    Sampled,
+    Setting,
+    after_round,
+)
 from .recording import Stage
 
 
 class Stages:
-    """The halves of a frame, ``sample`` and ``share``, and what is learnt between them."""
+    """The halves of a frame, ``sample`` and ``share``, and what is learnt between them.
+
+    All rounds of spatial reuse are one recording: to trace a round may take longer than to render
+    it.
+    """
 
     def __init__(self, plan: Plan) -> None:
-        self._changing = plan.parameters.retrace_history
+        parameters = plan.parameters
+        self._changing = parameters.retrace_history
+        self._changes = parameters.mutates or bool(parameters.images)
+        self._feedback = parameters.spatial_feedback
         self._sample = Stage(sample_paths, plan)
         self._look_back = Stage(look_back, plan)
         self._reuse = Stage(reuse_paths, plan)
         self._learn = Stage(learn_paths, plan)
-        self.share = Stage(share_paths, plan)
+        self._mutate = Stage(mutate_paths, plan)
+        self._share = Stage(share_paths, plan)
+        self._show = Stage(show_paths, plan)
+
+    @property
+    def all(self) -> Sequence[Stage]:
+        """Every stage."""
+        first = (self._sample, self._look_back, self._reuse, self._learn)
+        return (*first, self._mutate, self._share, self._show)
 
     def sample(
         self,
@@ -52,7 +86,29 @@ class Stages:
             learnt = self._learn(setting, learnt, sampled.findings)
         return replace(sampled, learnt=learnt, findings=None)
 
+    def share(self, setting: Setting, sampled: Sampled, layouts: Sequence[Any], turn: int) -> Frame:
+        """The second half: mutations, spatial reuse and shading.
+
+        Parameters
+        ----------
+        layouts : sequence
+            What the strategy of ``neighbor_sampling`` finds neighbours with, in each round.
+        turn : int
+            Running number of the frame.
+        """
+        changed = Changed(sampled.reservoirs, None, [])
+        if self._changes:
+            changed = self._mutate(setting, changed.reservoirs, dr.opaque(mi.UInt32, turn))
+        reservoirs = kept = changed.reservoirs
+        rounds = Rounds([], [], [sampled.outcomes])
+        for index, layout in enumerate(layouts):
+            shared = self._share(setting, reservoirs, layout, dr.opaque(mi.UInt32, index))
+            reservoirs, rounds = shared.reservoirs, after_round(rounds, shared)
+            if index < self._feedback:
+                kept = reservoirs
+        return self._show(setting, sampled, changed, rounds, (reservoirs, kept))
+
     def forget(self) -> None:
         """Drop what is recorded: the scene is no longer the one that it was recorded of."""
-        for stage in (self._sample, self._look_back, self._reuse, self._learn, self.share):
+        for stage in self.all:
             stage.forget()

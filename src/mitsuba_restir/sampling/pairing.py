@@ -123,9 +123,10 @@ def pairing_tile(radius: float) -> PairingTile:
     while size < 6 * radius:
         size *= 2
     offsets = block_offsets(radius, size)
-    tile = PairingTile(
-        mi.Int32(offsets[..., 0].ravel()), mi.Int32(offsets[..., 1].ravel()), mi.UInt32(size)
-    )
+    # Dr.Jit would keep the memory of NumPy's arrays, and record a round of spatial reuse anew where
+    # the tile of another is aligned differently; lists it copies.
+    dx, dy = (mi.Int32(offsets[..., axis].ravel().tolist()) for axis in (0, 1))
+    tile = PairingTile(dx, dy, mi.UInt32(size))
     dr.make_opaque(tile)
     return tile
 

@@ -45,11 +45,15 @@ class Variant:
     Fields
     ------
     type : str
-        Integrator plugin.
+        Integrator plugin, or "still": every frame is a picture of `mitsuba_restir.still`, with the
+        choice of its plan.
     spp : int
-        Samples (for `restir_pt`: initial candidates) per pixel and frame.
+        Samples (for `restir_pt`: initial candidates) per pixel and frame; a still's plan has them.
     parameters : mapping
-        The plugin's parameters; `max_depth` is the study's unless it is given here.
+        The plugin's parameters, or those of `still.render`; `max_depth` is the study's unless it is
+        given here.
+    denoise : bool
+        The frame is denoised, guided by albedo and normals; a still is planned for it.
     baseline : str
         The variant that this one is compared with; empty is the study's.
     shows : str
@@ -65,6 +69,7 @@ class Variant:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     baseline: Text = ""
     shows: Text = ""
+    denoise: Flag = False
     of: Text = ""
     blur_to: Text = ""
 
@@ -74,7 +79,7 @@ class Variant:
         """Take the keys of a TOML table that are none of a variant as the plugin's parameters."""
         if not isinstance(given, Mapping):
             return given
-        own, needed = ["type", "spp", "shows", "baseline"], "type"
+        own, needed = ["type", "spp", "shows", "denoise", "baseline"], "type"
         if "of" in given:
             own, needed = ["of", "blur_to", "baseline"], "blur_to"
             if unknown := [key for key in given if key not in own]:

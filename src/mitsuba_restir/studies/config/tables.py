@@ -37,10 +37,10 @@ def to_table(study: Study) -> dict[str, Any]:
 def _variant_table(variant: Variant) -> dict[str, Any]:
     made = {"of": variant.of, "blur_to": variant.blur_to}
     rendered = {"type": variant.type, "spp": variant.spp, **variant.parameters}
-    optional = {"shows": variant.shows, "baseline": variant.baseline}
+    optional = {"shows": variant.shows, "denoise": variant.denoise, "baseline": variant.baseline}
     return {
         **(made if variant.of else rendered),
-        **{name: text for name, text in optional.items() if text},
+        **{name: value for name, value in optional.items() if value},
     }
 
 

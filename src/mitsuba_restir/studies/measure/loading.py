@@ -10,6 +10,7 @@ from .asked import probes_of
 from .derived import with_derived
 from .excess import sharing_of
 from .results import Measured
+from .stills import notes_on_stills, rivals_of
 
 
 def load_size(folder: StudyFolder, size: Size) -> Measured:
@@ -36,7 +37,12 @@ def load_size(folder: StudyFolder, size: Size) -> Measured:
         study.trim,
         probes,
         settled=study.warmup > 0,
-        notes=[*notes_on_reference(study, reference), *notes_on_software(label, rendered_runs)],
+        notes=[
+            *notes_on_reference(study, reference),
+            *notes_on_software(label, rendered_runs),
+            *notes_on_stills(label, runs),
+        ],
         sharing=sharing_of(study),
+        rivals=rivals_of(study),
     )
     return with_derived(study, rendered)

@@ -8,7 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from . import biases, cold_start, correlations, errors, excess, noise, probed, times, variances
+from . import (
+    biases,
+    cold_start,
+    correlations,
+    errors,
+    excess,
+    noise,
+    probed,
+    stills,
+    times,
+    variances,
+)
 from .errors import of_frames, of_mean, one_by_one
 from .frame_errors import BLOTCHES, SIGMA, last_frame_of
 from .probes import GUIDED, GUIDED_TRIMMED
@@ -161,6 +172,36 @@ QUANTITIES: Mapping[str, Quantity] = {
         needs_reference=True,
         cold=True,
         least_runs=2,
+    ),
+    "efficiency": Quantity(
+        stills.efficiencies,
+        [
+            Number(f"efficiency{of}", "x", heading, better="more")
+            for of, heading in (
+                ("", "Efficiency"),
+                (", trimmed", "Efficiency, trimmed"),
+                (", median pixel", "Efficiency, median pixel"),
+            )
+        ],
+        needs_reference=True,
+        least_runs=3,
+    ),
+    "as_long": Quantity(
+        stills.as_long_as,
+        [
+            Number(f"path takes as long, by {error}", "x", f"As long, by {error}", better="more")
+            for error in ("relMSE, trimmed", "HDR-FLIP")
+        ],
+        needs_reference=True,
+        least_runs=2,
+    ),
+    "stated": Quantity(
+        stills.stated_over_true,
+        [
+            Number("stated over true error", heading="Stated error over true", better=""),
+            Number("stated over true error, untrimmed", better=""),
+        ],
+        least_runs=3,
     ),
     "covariance": Quantity(
         correlations.covariance,

@@ -58,6 +58,8 @@ class Measured:
         What cannot be given, and why.
     sharing : mapping of str to Sharing
         Of the variants that are made of candidates, by variant.
+    rivals : mapping of str to sequence of str
+        The variants of `path` with the same kind of frame, denoised or not, by variant.
     """
 
     size: str
@@ -72,6 +74,7 @@ class Measured:
     blurs: Mapping[str, float] = field(default_factory=dict)
     notes: Sequence[str] = ()
     sharing: Mapping[str, Sharing] = field(default_factory=dict)
+    rivals: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def partner(self, variant: str) -> str | None:
         """Return the variant that one is compared with run by run; None where that cannot be."""

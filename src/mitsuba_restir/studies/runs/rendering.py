@@ -12,7 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...analysis.denoise import GUIDES
+from ...analysis.denoise import GUIDES, denoise_guided
 from ...errors import UsageError, one_line
 from ...integrators.parameters import asking_for
 from ...transforms import TO_WORLD, look_at, matrix_of
@@ -20,6 +20,7 @@ from ..config.study import Crop, Size, Study, Variant
 from ..config.view import View
 from .motion import make_place
 from .results import Image
+from .stills import TYPE, Stills
 
 # Plugins of cameras that can be copied, and the parameters that are theirs alone.
 _COPIED = {
@@ -60,6 +61,8 @@ class Renderer:
     statistics: Callable[[], Mapping[str, Any]] | None = None
     history: Callable[[], Any] | None = None
     channel: int = 0
+    rehearsal: int = 3
+    stills: Stills | None = None
 
     def frame_before_last(self, seed: int, frames: int) -> tuple[Image, float]:
         """Render the frame that comes so many frames before the last one."""
@@ -194,11 +197,27 @@ def make_renderer(study: Study, scene: Any, size: Size, name: str, variant: Vari
     UsageError
         As `make_integrator` and `make_sensor`.
     """
-    integrator = make_integrator(study, name, variant)
     sensor = make_sensor(study, scene, size)
     place = make_place(study, scene, sensor)
+    if variant.type == TYPE:
+        stills = Stills(study, scene, sensor, name, variant)
+        return Renderer(stills.draw, _nothing, False, place, rehearsal=1, stills=stills)
+    integrator = make_integrator(study, name, variant)
     renderer = renderer_of(scene, sensor, integrator, variant.spp, study.freeze)
-    return replace(renderer, place=place, channel=3 if variant.shows else 0)
+    renderer = replace(renderer, place=place, channel=3 if variant.shows else 0)
+    return denoising(renderer, scene, sensor) if variant.denoise else renderer
+
+
+def denoising(renderer: Renderer, scene: Any, sensor: Any) -> Renderer:
+    """Have every frame denoised, with guides that are free of noise and take no time."""
+    guides = denoiser_guides(scene, sensor)
+    first = renderer.channel
+
+    def draw(seed: int) -> Image:
+        colour = np.array(renderer.draw(seed), dtype=np.float32)[..., first : first + 3]
+        return denoise_guided(colour, *guides)
+
+    return replace(renderer, draw=draw, channel=0)
 
 
 def renderer_of(
@@ -226,7 +245,7 @@ def renderer_of(
         # A literal seed would be compiled into the kernel, and every frame would compile anew.
         return draw(scene, sensor, dr.opaque(mi.UInt32, seed))
 
-    return Renderer(draw_anew, _nothing, has_history=False)
+    return Renderer(draw_anew, _nothing, has_history=False, rehearsal=3 if freeze else 1)
 
 
 _SEEN = 64

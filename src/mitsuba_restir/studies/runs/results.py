@@ -31,6 +31,10 @@ class Run:
         Equal for runs that took turns frame by frame, whose times can be compared.
     software : str
         Versions of what rendered it.
+    stated : array, (frames, 2), or None
+        The errors that stills state, without the worst pixels and with them.
+    remark : str
+        What the renderer says of its last frame; often nothing.
     """
 
     last: Image
@@ -39,6 +43,8 @@ class Run:
     load_frames: Callable[[], Image] | None = None
     session: str = ""
     software: str = ""
+    stated: npt.NDArray[np.float64] | None = None
+    remark: str = ""
 
     @property
     def frames(self) -> Image | None:

@@ -27,16 +27,12 @@ def _unseen(name: str, image: Image | None) -> None:
     """Look at no frame."""
 
 
-# The first frame compiles kernels, the second those of a frame with history.
-_REHEARSAL = 3
-
-
 def rehearse(study: Study, renderers: Mapping[str, Renderer]) -> None:
     """Compile all kernels, so that no measured frame does."""
     for renderer in renderers.values():
-        for frame in range(_REHEARSAL):
+        for frame in range(renderer.rehearsal):
             seed = seed_of(study.seed, REHEARSAL_KEY, frame)
-            renderer.frame_before_last(seed, _REHEARSAL - 1 - frame)
+            renderer.frame_before_last(seed, renderer.rehearsal - 1 - frame)
 
 
 def render_run(
@@ -57,6 +53,7 @@ def render_run(
     images: dict[str, list[Image]] = {name: [] for name in renderers}
     sums: dict[str, Any] = dict.fromkeys(renderers, 0.0)
     times: dict[str, list[float]] = {name: [] for name in renderers}
+    stated: dict[str, list[tuple[float, float]]] = {name: [] for name in renderers}
     names = list(renderers)
     session = uuid.uuid4().hex
     last = study.length - 1
@@ -72,6 +69,8 @@ def render_run(
             image, seconds = renderers[name].frame_before_last(seed, last - frame)
             if measured:
                 times[name].append(seconds)
+                if (stills := renderers[name].stills) is not None:
+                    stated[name].append(stills.stated)
                 sums[name] = sums[name] + image.astype(np.float64)
                 images[name] = [*images[name], image] if study.keep == "all" else [image]
             seen(name, image if measured else None)
@@ -83,6 +82,8 @@ def render_run(
             partial(np.stack, images[name]) if study.keep == "all" else None,
             session,
             software(),
+            np.array(stated[name]) if stated[name] else None,
+            stills.remark if (stills := renderers[name].stills) is not None else "",
         )
         for name in names
     }

@@ -165,8 +165,19 @@ class StudyFolder:
             return None
         load_frames = None if found.pop("frames", None) is None else partial(_frames, path)
         mean = found["mean"]
-        session, software = (str(found.get(name, "")) for name in ("session", "software"))
-        return Run(found.get("last", mean), mean, found["times"], load_frames, session, software)
+        session, software, remark = (
+            str(found.get(name, "")) for name in ("session", "software", "remark")
+        )
+        return Run(
+            found.get("last", mean),
+            mean,
+            found["times"],
+            load_frames,
+            session,
+            software,
+            found.get("stated"),
+            remark,
+        )
 
     def save_run(self, size: Size, variant: str, index: int, run: Run) -> None:
         """Write a finished run (RenderError where the disk refuses it)."""
@@ -176,6 +187,8 @@ class StudyFolder:
             "session": np.array(run.session),
             "software": np.array(run.software),
         }
+        if run.stated is not None:
+            arrays |= {"stated": run.stated, "remark": np.array(run.remark)}
         if len(run.times) > 1:
             arrays["last"] = run.last
         if (frames := run.frames) is not None:
