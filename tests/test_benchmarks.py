@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import subprocess
 import sys
 import time
@@ -16,7 +15,6 @@ import pytest
 
 from benchmarks import kernels, memory, moving, startup, task
 from benchmarks.child import ask
-from benchmarks.stills import as_long
 from benchmarks.task import Task
 from mitsuba_restir.errors import RenderError
 from mitsuba_restir.studies import load_study
@@ -126,37 +124,6 @@ def test_what_moves(rgb, monkeypatch: pytest.MonkeyPatch) -> None:
         f"light; {way}" for way in moving.WAYS
     ]
     assert all("mean/reference" in line for line in lines if line.startswith("light"))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("measure", ["efficiency", "stated", "denoised"])
-def test_stills_beside_path(file: str, measure: str, tmp_path: Path) -> None:
-    for package in ("mitsuba_oidn", "flip_evaluator"):
-        pytest.importorskip(package)
-    lines = tmp_path / "stills.jsonl"
-    command = [sys.executable, "-m", "benchmarks.stills", file, "--measure", measure]
-    command += ["--seconds", "0.1", "0.2", "--errors", "0.5", "-o", str(lines)]
-    subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    found = [json.loads(line) for line in lines.read_text().splitlines()]
-    assert len(found) == {"efficiency": 2, "stated": 1, "denoised": 5}[measure]
-    assert all(entry["measure"] == measure for entry in found)
-    of_stills = [entry for entry in found if "plans" in entry]
-    wanted = {
-        "efficiency": ("efficiency", "trimmed", "median pixel"),
-        "stated": ("stated", "true", "untrimmed"),
-        "denoised": ("relMSE trimmed", "HDR-FLIP"),
-    }
-    assert of_stills
-    assert all(entry[name] > 0 for entry in of_stills for name in wanted[measure])
-
-
-def test_as_long_between_and_beyond() -> None:
-    curve = np.array([[1.0, 4.0], [4.0, 2.0], [16.0, 1.0]])
-    assert as_long(curve, 2.0) == pytest.approx(4.0)
-    assert as_long(curve, np.sqrt(2.0)) == pytest.approx(8.0)
-    assert as_long(curve, 0.5) == pytest.approx(64.0)
-    assert as_long(curve[::-1], 8.0) == pytest.approx(0.25)
-    assert np.isnan(as_long(np.array([[1.0, 2.0], [2.0, 2.0]]), 1.0))
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,8 @@ def _lacks(study: Study, name: str) -> Iterator[str]:
         yield "needs a variant of candidates alone: temporal = false and spatial = false, or path"
     if needs.package and importlib.util.find_spec(needs.package) is None:
         yield f"needs pip install {needs.package.replace('_', '-')}"
+    if lack := needs.lacks(study):
+        yield lack
     if study.runs < needs.least_runs:
         yield f"needs at least {needs.least_runs} runs"
 

@@ -5,9 +5,10 @@ Tables, charts and captions read names, units and order from here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from ..config.study import Study
 from . import (
     biases,
     cold_start,
@@ -50,6 +51,8 @@ class Quantity:
         Name of the probe that measures it; empty for what is measured from images and times.
     package : str
         Module without which its probe cannot run; empty where there is none.
+    lacks : callable
+        Says what else of a study it needs and that one has not; empty where it has all.
     """
 
     measure: Rows
@@ -61,6 +64,7 @@ class Quantity:
     needs_candidates: bool = False
     probe: str = ""
     package: str = ""
+    lacks: Callable[[Study], str] = lambda _: ""
 
     def rows(self, data: Measured) -> Iterator[Row | Refused]:
         """Measure."""
@@ -194,6 +198,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ],
         needs_reference=True,
         least_runs=2,
+        lacks=stills.lacks_rivals,
     ),
     "stated": Quantity(
         stills.stated_over_true,
@@ -202,6 +207,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             Number("stated over true error, untrimmed", better=""),
         ],
         least_runs=3,
+        lacks=stills.lacks_stills,
     ),
     "covariance": Quantity(
         correlations.covariance,

@@ -16,6 +16,7 @@ from ...analysis.metrics import trimmed_mean
 from ...still.error import FLOOR
 from ..config.study import Study
 from ..runs.results import Run
+from ..runs.stills import TYPE
 from .errors import hdr_flip, means_of, trimmed_relmse
 from .noise import shares, trimmed
 from .results import Measured, Number, Refused, Row
@@ -186,3 +187,17 @@ def rivals_of(study: Study) -> dict[str, list[str]]:
         ]
         for name, variant in study.variants.items()
     }
+
+
+def lacks_rivals(study: Study) -> str:
+    """Say that no variant has two points of a curve of `path` to be compared with."""
+    rivals = rivals_of(study)
+    if any(len(found) > 1 and name not in found for name, found in rivals.items()):
+        return ""
+    return "needs two variants of type path, and another one, all denoised or none"
+
+
+def lacks_stills(study: Study) -> str:
+    """Say that no variant states an error."""
+    stills = any(variant.type == TYPE for variant in study.variants.values())
+    return "" if stills else f"needs a variant of type {TYPE}"

@@ -1,0 +1,157 @@
+"""Studies of stills: as variants, and what they are worth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mitsuba_restir import cache
+from mitsuba_restir.errors import UsageError
+from mitsuba_restir.studies import Study, load_study, run_study
+from mitsuba_restir.studies.measure.quantities import QUANTITIES
+from mitsuba_restir.studies.measure.results import Measured, Row
+from mitsuba_restir.studies.measure.stills import as_long
+from mitsuba_restir.studies.runs.results import ReferenceImage, Run
+from mitsuba_restir.studies.store.folder import StudyFolder
+
+STUDY = """
+name = "pictures"
+scene = "cornell"
+sizes = ["24x16"]
+max_depth = 3
+runs = 3
+baseline = "path"
+freeze = false
+quantities = ["efficiency", "stated", "time"]
+
+[reference]
+spp = 64
+batches = 4
+
+[variants.path]
+type = "path"
+spp = 16
+
+[variants.still]
+type = "still"
+frames = 4
+plan = "light"
+"""
+
+DENOISED = """
+[variants.path_4]
+type = "path"
+spp = 4
+denoise = true
+
+[variants.path_16]
+type = "path"
+spp = 16
+denoise = true
+
+[variants.clean]
+type = "still"
+frames = 4
+denoise = true
+"""
+
+SHAPE = (40, 60, 3)
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
+
+
+def _study(tmp_path: Path, text: str, *changes: str) -> Study:
+    file = tmp_path / "pictures.toml"
+    file.write_text(text)
+    return load_study(str(file), changes)
+
+
+def _data(
+    deviation: float, seconds: float, stated: float = 0.0, runs: int = 12, level: float = 2.0
+) -> Measured:
+    """Pictures of a level: `path` deviates by 1 in 1 s, the still as it is said."""
+    rng = np.random.default_rng(3)
+
+    def pictures(deviation: float, seconds: float, stated: float) -> list[Run]:
+        images = (level + rng.normal(0.0, deviation, (runs, *SHAPE))).astype(np.float32)
+        said = np.full((1, 2), stated) if stated else None
+        return [Run(image, image, np.array([seconds]), stated=said) for image in images]
+
+    made = {"path": pictures(1.0, 1.0, 0.0), "still": pictures(deviation, seconds, stated)}
+    truth = ReferenceImage(np.full(SHAPE, level), np.zeros(SHAPE))
+    return Measured("60x40", made, "path", dict.fromkeys(made, "path"), truth, 0.01, 0.001)
+
+
+def _rows(name: str, data: Measured) -> dict[str, Row]:
+    return {row.quantity: row for row in QUANTITIES[name].rows(data) if isinstance(row, Row)}
+
+
+def test_efficiency_is_variance_times_time_of_path_over_ones_own() -> None:
+    rows = _rows("efficiency", _data(0.5, 0.25))
+    assert {row.variant for row in rows.values()} == {"still"}
+    for name, row in rows.items():
+        # A median over pixels of variances of few runs is as far off for both.
+        assert row.value.value == pytest.approx(16.0, rel=0.03), name
+        assert row.value.low < 16.0 < row.value.high
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.7])
+def test_a_stated_error_is_held_against_the_spread(factor: float) -> None:
+    rows = _rows("stated", _data(0.5, 1.0, stated=factor * 0.25))
+    assert rows["stated over true error, untrimmed"].value.value == pytest.approx(factor, rel=0.02)
+
+
+def test_as_long_between_and_beyond() -> None:
+    curve = np.array([[1.0, 4.0], [4.0, 2.0], [16.0, 1.0]])
+    assert as_long(curve, 2.0) == pytest.approx(4.0)
+    assert as_long(curve, np.sqrt(2.0)) == pytest.approx(8.0)
+    assert as_long(curve, 0.5) == pytest.approx(64.0)
+    assert as_long(curve[::-1], 8.0) == pytest.approx(0.25)
+    assert np.isnan(as_long(np.array([[1.0, 2.0], [2.0, 2.0]]), 1.0))
+    # An error from which the reference's noise was subtracted may be negative.
+    assert np.isnan(as_long(curve, -0.1))
+
+
+@pytest.mark.slow
+def test_stills_as_variants(tmp_path: Path) -> None:
+    for package in ("mitsuba_oidn", "flip_evaluator"):
+        pytest.importorskip(package)
+    study = _study(tmp_path, STUDY)
+    table = run_study(study, tmp_path / "out")
+    found = {row.quantity: row.value.value for row in table.rows if row.variant == "still"}
+    assert found["efficiency, trimmed"] > 0.0
+    assert 0.5 < found["stated over true error"] < 2.0
+    assert any("light: 9 trees a pixel" in note and "asked for" in note for note in table.notes)
+    run = StudyFolder(tmp_path / "out", study).load_run((24, 16), "still", 0)
+    assert run is not None
+    assert run.stated is not None
+    assert run.stated.shape == (1, 2)
+    assert "4 frames" in run.remark
+
+    study = _study(tmp_path, STUDY + DENOISED, 'quantities=["as_long"]')
+    rows = run_study(study, tmp_path / "out").rows
+    assert {row.variant for row in rows} == {"clean"}
+    assert all(row.value.value > 0.0 for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("variants.still.plan=no_such_plan", "no_such_plan"),
+        ("variants.still.error=0.1", "one of error, seconds and frames"),
+        ("variants.still.temporal=true", "a still cannot have temporal=True"),
+        ('quantities=["as_long"]', "needs two variants of type path, and another one"),
+        ('variants.still={type="path"}', "needs a variant of type still"),
+        ("runs=2", "needs at least 3 runs"),
+    ],
+)
+def test_what_cannot_be_measured_gets_one_line(tmp_path: Path, change: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message) as refused:
+        run_study(_study(tmp_path, STUDY, change), tmp_path / "out")
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "out" / "runs").exists()
