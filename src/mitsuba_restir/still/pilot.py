@@ -155,8 +155,17 @@ def pilot(
     """
     start = clock()
     end = start + (LONGEST if seconds is None else min(LONGEST, SHARE * seconds))
-    alone = _measure(PLANS[ALONE], begin, clock, end)
-    dark = bool(np.mean(alone.frames > 0) < DARK)
+    render = begin(PLANS[ALONE])
+    # The first frame of a plan is compiled and recorded: its time says nothing.
+    dark = bool(np.mean(render(TIMED) > 0) < DARK)
+    hurried = Choice(
+        PLANS[trial.dark[0] if dark else trial.hurried],
+        "there was no time to compare it with others",
+        clock() - start,
+    )
+    if clock() >= end:
+        return hurried
+    alone = _measure(PLANS[ALONE], render, clock, end)
     measured: list[Measured] = []
     expected = 0.0
     for name in trial.dark if dark else trial.lit:
@@ -165,11 +174,12 @@ def pilot(
         guess = (1 + LEAST) * alone.seconds * (DEAR if plan.mixes else 1)
         if began + learning + (expected or guess) > end:
             break
-        measured.append(_measure(plan, begin, clock, end))
+        render = begin(plan)
+        render(1)
+        measured.append(_measure(plan, render, clock, end))
         expected = clock() - began - learning
     if not measured:
-        hurried = PLANS[trial.dark[0] if dark else trial.hurried]
-        return Choice(hurried, "there was no time to compare it with others", clock() - start)
+        return replace(hurried, seconds=clock() - start)
     for other in measured:
         if other.plan.mixes and not other.plan.learns:
             seconds_alone = alone.seconds * TREES / TIMED
@@ -227,15 +237,9 @@ def _why(measured: Sequence[Measured], costs: Sequence[float], best: int) -> str
     return f"variance x time, relative to its own: {', '.join(others)}"
 
 
-def _measure(
-    plan: Plan,
-    begin: Callable[[Plan], Render],
-    clock: Callable[[], float],
-    end: float,
-) -> Measured:
+def _measure(plan: Plan, render: Render, clock: Callable[[], float], end: float) -> Measured:
     """Render some frames of a plan; no more than needed after the end."""
-    render, trees = begin(plan), _trees(plan)
-    render(1)  # compiled and recorded
+    trees = _trees(plan)
     for _ in range(LEARNT if plan.learns else 0):
         if clock() < end:
             render(trees)
