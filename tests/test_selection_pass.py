@@ -27,7 +27,7 @@ from mitsuba_restir.neighbors.color_history import ColorHistory, no_color_histor
 from mitsuba_restir.neighbors.reproject import Motion
 from mitsuba_restir.neighbors.similarity import similar
 from mitsuba_restir.passes import select
-from mitsuba_restir.passes.primary import primary
+from mitsuba_restir.passes.primary import camera_rays, primary
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
 from mitsuba_restir.resampling.subsets import Round, candidates
@@ -67,7 +67,7 @@ def hits_of(*shapes):
             },
         }
     )
-    hits = primary(scene, scene.sensors()[0], grid_of(*SIZE), key(0, 0), None).hit
+    hits = primary(scene, camera_rays(scene.sensors()[0], grid_of(*SIZE), key(0, 0)), False).hit
     dr.make_opaque(hits)
     return hits, scene
 

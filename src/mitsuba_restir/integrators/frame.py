@@ -20,6 +20,7 @@ from ..neighbors.reproject import nowhere, reproject
 from ..neighbors.strategies import STRATEGIES
 from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
+from ..passes.primary import CameraRays, primary
 from ..passes.retrace import retrace
 from ..passes.select import Seen, select
 from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
@@ -34,7 +35,7 @@ from ..passes.temporal import (
 )
 from ..paths.camera import Camera
 from ..paths.moves import Moves
-from ..paths.primary_hit import PrimaryHit
+from ..paths.primary_hit import Primary, PrimaryHit
 from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
 from ..resampling.subsets import Round
@@ -53,6 +54,13 @@ from .frame_data import (
     Shared,
     Waiting,
 )
+
+
+def meet_surfaces(plan: Plan, scene: mi.Scene, rays: CameraRays) -> Primary:
+    """Before both halves of a frame: primary hits."""
+    now = primary(scene, rays, plan.parameters.hide_emitters)
+    dr.eval(now)
+    return now
 
 
 def sample_paths(

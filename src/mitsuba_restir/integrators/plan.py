@@ -7,15 +7,12 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 
-from ..passes.primary import SkipEmitters, primary
-from ..paths.grid import grid_of
 from ..paths.settings import PathLimits
 from ..sampling.dither import Dither, mask_texture
 from ..sampling.masks import load_mask
-from ..sampling.streams import FrameKey
 from ..shifts.connectability import Criterion, DistanceRoughness, Footprint
 from ..shifts.mapping import shift_mapping
-from .frame_data import Plan, Setting
+from .frame_data import Plan
 from .parameters import Parameters
 
 NEAR_FRACTION = 0.03
@@ -37,23 +34,6 @@ def dither_of(parameters: Parameters) -> Dither | None:
     dither = Dither(mask_texture(load_mask()))
     dr.make_opaque(dither.mask.levels)
     return dither
-
-
-def setting_of(
-    scene: mi.Scene,
-    sensor: mi.Sensor,
-    key: FrameKey,
-    dither: Dither | None,
-    skip_emitters: SkipEmitters | None,
-) -> Setting:
-    """What the stages of a frame are given; its camera rays are traced here.
-
-    They stay outside what is recorded: not every sensor of Mitsuba 3.9 exposes all of its state.
-    """
-    grid = grid_of(*sensor.film().crop_size())
-    now = primary(scene, sensor, grid, key, skip_emitters)
-    dr.eval(now)
-    return Setting(scene, sensor if mi.is_spectral else None, now, key, dither)
 
 
 def _criterion(name: str, scene: mi.Scene) -> Criterion:

@@ -28,7 +28,7 @@ from .declaration import page
 from .film import developed, settle
 from .frame_data import Frame, History, Plan, no_history, without_reshaped
 from .parameters import PARAMETERS, read_parameters
-from .plan import dither_of, plan_of, setting_of
+from .plan import dither_of, plan_of
 from .recording import collection_paused, frame_alone
 from .scene_watch import Edit, SceneWatch
 from .stages import Stages
@@ -141,12 +141,11 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self.prepare(scene, sensor)
             self.frame = None
             key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
-            skip_emitters = self.skip_area_emitters if self.parameters.hide_emitters else None
-            setting = setting_of(scene, sensor, key, self._dither, skip_emitters)
             change, self._change = self._change, None
             settle(sensor, self.aov_names())
             with collection_paused():
                 assert self._history is not None
+                setting = self._stages.setting(scene, sensor, key, self._dither)
                 sampled = self._stages.sample(setting, self._history, self._camera, spp, change)
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None

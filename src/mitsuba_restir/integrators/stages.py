@@ -10,11 +10,16 @@ import drjit as dr
 import mitsuba as mi
 
 from ..guiding.policy import teaches
+from ..passes.primary import camera_rays
 from ..paths.camera import Camera
+from ..paths.grid import grid_of
+from ..sampling.dither import Dither
+from ..sampling.streams import FrameKey
 from .change import Change
 from .frame import (
     learn_paths,
     look_back,
+    meet_surfaces,
     mutate_paths,
     reuse_paths,
     sample_paths,
@@ -35,7 +40,7 @@ from .recording import Stage
 
 
 class Stages:
-    """The halves of a frame, ``sample`` and ``share``, and what is learnt between them.
+    """The halves of a frame, ``sample`` and ``share``, what is before and what between them.
 
     All rounds of spatial reuse are one recording: to trace a round may take longer than to render
     it.
@@ -46,6 +51,7 @@ class Stages:
         self._changing = parameters.retrace_history
         self._changes = parameters.mutates or bool(parameters.images)
         self._feedback = parameters.spatial_feedback
+        self._meet = Stage(meet_surfaces, plan)
         self._sample = Stage(sample_paths, plan)
         self._look_back = Stage(look_back, plan)
         self._reuse = Stage(reuse_paths, plan)
@@ -57,8 +63,21 @@ class Stages:
     @property
     def all(self) -> Sequence[Stage]:
         """Every stage."""
-        first = (self._sample, self._look_back, self._reuse, self._learn)
+        first = (self._meet, self._sample, self._look_back, self._reuse, self._learn)
         return (*first, self._mutate, self._share, self._show)
+
+    def setting(
+        self, scene: mi.Scene, sensor: mi.Sensor, key: FrameKey, dither: Dither | None
+    ) -> Setting:
+        """What the stages are given; the camera rays are sampled and traced here.
+
+        They are sampled outside of what is recorded: Mitsuba 3.9's sensors do not expose all of
+        their state.
+        """
+        rays = camera_rays(sensor, grid_of(*sensor.film().crop_size()), key)
+        dr.eval(rays)
+        now = self._meet(scene, rays)
+        return Setting(scene, sensor if mi.is_spectral else None, now, key, dither)
 
     def sample(
         self,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
@@ -15,26 +14,23 @@ from ..paths.vertex import compact
 from ..sampling.streams import WAVELENGTH, FrameKey, PathName, Purpose, uniform2
 from ..shifts.connectability import pixel_footprint
 
-SkipEmitters: TypeAlias = (
-    "Callable[[mi.Scene, mi.Ray3f, bool, mi.Bool], mi.PreliminaryIntersection3f]"
-)
-"""(scene, ray, coherent, active) -> the intersection past all area lights."""
 
+@dataclass
+class CameraRays:
+    """One camera ray of every pixel.
 
-def primary(
-    scene: mi.Scene,
-    sensor: mi.Sensor,
-    grid: Grid,
-    key: FrameKey,
-    skip_emitters: SkipEmitters | None,
-) -> Primary:
-    """Trace the camera rays of a frame.
-
-    Parameters
-    ----------
-    skip_emitters : callable or None
-        Hides directly visible lights; None shows them.
+    Fields: ``ray``, ``importance`` (what the sensor weighs it with), ``film`` (film position in the
+    crop window's unit square), ``lens`` (lens sample).
     """
+
+    ray: mi.Ray3f
+    importance: mi.Spectrum
+    film: mi.Point2f
+    lens: mi.Point2f
+
+
+def camera_rays(sensor: mi.Sensor, grid: Grid, key: FrameKey) -> CameraRays:
+    """Sample the camera rays of a frame."""
     pixel = grid.pixels()
     choices = key.stream(Purpose.PRIMARY, pixel)
     x, y = grid.place(pixel)
@@ -46,19 +42,33 @@ def primary(
         # The same wavelengths as the pixel's first path, so that their colours belong together.
         own = PathName(pixel, key.sample, key.seed)
         lambda_sample = uniform2(own.stream(), 0, WAVELENGTH)[0]
-    ray, weight = sensor.sample_ray(
+    ray, importance = sensor.sample_ray(
         sensor.shutter_open() + time * sensor.shutter_open_time(), lambda_sample, film, lens
     )
+    return CameraRays(ray, importance, film, lens)
+
+
+def primary(scene: mi.Scene, rays: CameraRays, hides_emitters: bool) -> Primary:
+    """Trace the camera rays of a frame.
+
+    Parameters
+    ----------
+    hides_emitters : bool
+        Whether lights are hidden that are seen directly.
+    """
+    ray = rays.ray
     pi = scene.ray_intersect_preliminary(ray, coherent=True)
-    if skip_emitters is not None:
+    if hides_emitters:
         on_light = pi.is_valid() & (pi.shape.emitter() != None)  # noqa: E711
         light = pi.compute_surface_interaction(ray, mi.RayFlags.Minimal, on_light)
-        pi = dr.select(on_light, skip_emitters(scene, light.spawn_ray(ray.d), True, on_light), pi)
+        # Every integrator of Mitsuba can do this.
+        skip = mi.load_dict({"type": "path"}).skip_area_emitters
+        pi = dr.select(on_light, skip(scene, light.spawn_ray(ray.d), True, on_light), pi)
     si = pi.compute_surface_interaction(ray)
-    shows_sky = skip_emitters is None and scene.environment() is not None
+    shows_sky = not hides_emitters and scene.environment() is not None
     emitted = mi.Spectrum(0)
-    if skip_emitters is None:
-        emitted = weight * si.emitter(scene).eval(si)
+    if not hides_emitters:
+        emitted = rays.importance * si.emitter(scene).eval(si)
     hit = PrimaryHit(
         compact(pi, si.p), mi.Point3f(ray.o), si.sh_frame.n, pixel_footprint(ray.o, si)
     )
@@ -66,6 +76,6 @@ def primary(
         hit,
         response(emitted, ray.wavelengths),
         mi.Float(1 if shows_sky else 0),
-        film,
-        lens,
+        rays.film,
+        rays.lens,
     )

@@ -64,8 +64,8 @@ def stated(mean: npt.NDArray[np.float32], standard_error: npt.NDArray[np.float32
 
     Stated over true error of 20 stills of 5 frames at 160x90, and in brackets with pixels that are
     worst by what they state themselves: Veach Ajar 0.88 (0.79), with 15 frames 0.90 (0.83);
-    ``gloss`` 0.97 (0.89) and 0.94 (0.89); ``ajar`` 1.04 (0.88). The study ``stills_stated`` measures it
-    for stills with targets.
+    ``gloss`` 0.97 (0.89) and 0.94 (0.89); ``ajar`` 1.04 (0.88). The study ``stills_stated``
+    measures it for stills with targets.
 
     Parameters
     ----------
