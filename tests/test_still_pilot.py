@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mitsuba_restir.still.goal import Goal
 from mitsuba_restir.still.pilot import (
     ALONE,
     DENOISED,
@@ -74,26 +75,30 @@ class Studio:
     def clock(self) -> float:
         return self.now
 
-    def pilot(self, seconds: float | None, trial: Trial = RAW) -> Choice:
-        return pilot(self.begin, seconds, trial, self.clock)
+    def pilot(self, goal: Goal, trial: Trial = RAW) -> Choice:
+        return pilot(self.begin, goal, trial, self.clock)
 
 
 @pytest.mark.parametrize("best", [ALONE, *RAW.lit])
 @pytest.mark.parametrize("tail", [1, 0.02])
 def test_the_best_plan_is_found(best, tail):
     """With a fifth of the variance of the others, be the tails light or heavy."""
-    choice = Studio({best: 0.2}, 0.01, tail).pilot(None)
+    choice = Studio({best: 0.2}, 0.01, tail).pilot(Goal(error=1e-3))
     assert choice.plan.name == best
     assert f"{RAW.lit[0] if best != RAW.lit[0] else RAW.lit[1]} " in choice.why
     assert "\n" not in choice.why
 
 
-@pytest.mark.parametrize("seconds", [1.0, 10.0, 60.0, 600.0, None])
-def test_a_pilot_is_short(seconds):
+@pytest.mark.parametrize("seconds", [1.0, 10.0, 60.0, 600.0])
+@pytest.mark.parametrize("kind", ["seconds", "error", "frames"])
+def test_a_pilot_is_short(seconds, kind):
     """It ends in time but for a last plan's least frames, and for the plan of single trees."""
     studio = Studio({})
-    choice = studio.pilot(seconds)
-    limit = LONGEST if seconds is None else min(LONGEST, SHARE * seconds)
+    # Candidates alone have a relative variance of 1/4 a tree, in frames of 4 trees.
+    cost = studio.seconds / 4
+    goals = {"error": (cost / seconds) ** 0.5, "frames": round(seconds / (4 * studio.seconds))}
+    choice = studio.pilot(Goal(**{kind: goals.get(kind, seconds)}))
+    limit = 1.1 * min(LONGEST, SHARE * seconds)
     assert choice.seconds == pytest.approx(studio.now)
     frame = 8 * studio.seconds
     assert choice.seconds <= max(limit, 0.1 + 4 * studio.seconds) + 3 * frame
@@ -101,14 +106,14 @@ def test_a_pilot_is_short(seconds):
 
 @pytest.mark.parametrize("best", [ALONE, *DENOISED.lit])
 def test_before_a_denoiser_the_guide_has_to_pay(best):
-    choice = Studio({best: 0.5}, 0.01).pilot(10.0, DENOISED)
+    choice = Studio({best: 0.5}, 0.01).pilot(Goal(seconds=10.0), DENOISED)
     assert choice.plan.name == best
 
 
 def test_without_time_nothing_is_compared():
     for trial, lit, dark in ((RAW, "rounds", "rounds_guided"), (DENOISED, ALONE, *DENOISED.dark)):
         for plan, offset in ((lit, 2.0), (dark, 0.0)):
-            choice = Studio({ALONE: 1e-3}, tail=0.02, offset=offset).pilot(0.5, trial)
+            choice = Studio({ALONE: 1e-3}, tail=0.02, offset=offset).pilot(Goal(seconds=0.5), trial)
             assert choice.plan.name == plan
             assert "no time" in choice.why
 

@@ -124,7 +124,7 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
         tried[plan.name] = Frames(apart, plan)
         return tried[plan.name].luminances
 
-    choice = pilot(begin, goal.seconds, DENOISED if subject.guides else RAW)
+    choice = pilot(begin, goal, DENOISED if subject.guides else RAW)
     frames = tried.get(choice.plan.name) or Frames(apart, choice.plan)
     frames.restart(subject.seed)
     return Growth(frames, choice.why, elapsed)

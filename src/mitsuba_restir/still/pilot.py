@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from .goal import Goal
 from .mix import mixture
 from .plan import PLANS, Plan
 
@@ -135,7 +136,7 @@ class Choice:
 
 def pilot(
     begin: Callable[[Plan], Render],
-    seconds: float | None,
+    goal: Goal,
     trial: Trial = RAW,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Choice:
@@ -147,14 +148,14 @@ def pilot(
     begin : callable
         Prepares to render independent frames of a plan. They must not be those of the picture:
         another seed makes them independent of it.
-    seconds : float or None
-        Time for the picture; None where it is not known.
+    goal : Goal
+        Of the picture. Unless it is a time, the time is what the best plan so far would take.
     trial : Trial
     clock : callable
         Seconds.
     """
     start = clock()
-    end = start + (LONGEST if seconds is None else min(LONGEST, SHARE * seconds))
+    end = start + _allowed(goal, [])
     render = begin(PLANS[ALONE])
     # The first frame of a plan is compiled and recorded: its time says nothing.
     dark = bool(np.mean(render(TIMED) > 0) < DARK)
@@ -166,6 +167,7 @@ def pilot(
     if clock() >= end:
         return hurried
     alone = _measure(PLANS[ALONE], render, clock, end)
+    end = start + _allowed(goal, [alone])
     measured: list[Measured] = []
     expected = 0.0
     for name in trial.dark if dark else trial.lit:
@@ -177,6 +179,7 @@ def pilot(
         render = begin(plan)
         render(1)
         measured.append(_measure(plan, render, clock, end))
+        end = start + _allowed(goal, [*measured, alone])
         expected = clock() - began - learning
     if not measured:
         return replace(hurried, seconds=clock() - start)
@@ -199,14 +202,33 @@ def choose(measured: Sequence[Measured], seconds: float) -> Choice:
     seconds : float
         That the pilot took.
     """
-    mean = measured[0].frames[:, -1].mean(axis=0)
-    size = gaussian_filter(mean, AROUND, mode="nearest")
-    scale = np.sqrt(size**2 + (0.01 * mean.mean()) ** 2) + np.finfo(np.float64).tiny
-    costs = [each.seconds * error(each.frames / scale) for each in measured]
+    costs = _costs(measured)
     best = len(measured) - 1
     for index, cost in enumerate(costs):
         best = index if cost < WORTH * costs[best] else best
     return Choice(measured[best].plan, _why(measured, costs, best), seconds)
+
+
+def _costs(measured: Sequence[Measured]) -> list[float]:
+    """Relative variance x time [s] of each."""
+    mean = measured[0].frames[:, -1].mean(axis=0)
+    size = gaussian_filter(mean, AROUND, mode="nearest")
+    scale = np.sqrt(size**2 + (0.01 * mean.mean()) ** 2) + np.finfo(np.float64).tiny
+    return [each.seconds * error(each.frames / scale) for each in measured]
+
+
+def _allowed(goal: Goal, measured: Sequence[Measured]) -> float:
+    """Seconds that a pilot may take, by what has been measured so far."""
+    if goal.seconds is not None:
+        picture = goal.seconds
+    elif not measured:
+        return LONGEST
+    elif goal.error is not None:
+        picture = min(_costs(measured)) / goal.error**2
+    else:
+        assert goal.frames is not None
+        picture = goal.frames * min(m.seconds * m.plan.spp / _trees(m.plan) for m in measured)
+    return min(LONGEST, SHARE * picture)
 
 
 def error(frames: FloatArray) -> float:
