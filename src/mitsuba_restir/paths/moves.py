@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from .packing import number_of
 from .primary_hit import PrimaryHit
 from .vertex import Vertex
 
@@ -67,9 +68,8 @@ def _turned(v: mi.Vector3f, axis: mi.Vector3f, angle: mi.Float) -> mi.Vector3f:
 
 def shape_number(vertex: Vertex) -> mi.UInt32:
     """Number of the shape that places a vertex in the world: of an instanced one, the instance."""
-    shape = dr.reinterpret_array(mi.UInt32, vertex.shape)
-    instance = dr.reinterpret_array(mi.UInt32, vertex.instance)
-    return dr.select(instance != 0, instance, shape)
+    instance = number_of(vertex.instance)
+    return dr.select(instance != 0, instance, number_of(vertex.shape))
 
 
 def move_of(moves: Moves, vertex: Vertex) -> Move:

@@ -12,7 +12,7 @@ from .vertex import Vertex, no_vertex, seen_from
 
 @dataclass
 class PrimaryHit:
-    """G-buffer entry (64 bytes a pixel).
+    """G-buffer entry (56 bytes a pixel).
 
     Fields: ``vertex`` (x_1; null shape where the camera ray escapes), ``origin`` (x_0, the lens
     point), ``normal`` (shading normal), ``footprint`` (the pixel's footprint at x_1, see

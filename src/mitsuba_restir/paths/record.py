@@ -40,7 +40,7 @@ class Absent:
 
 @dataclass
 class Continuation:
-    """What follows the reconnection vertex, kept so that x_k can be moved (64 bytes a path).
+    """What follows the reconnection vertex, kept so that x_k can be moved (56 bytes a path).
 
     Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path), ``wo``
     (direction leaving it), ``radiance`` and ``light_pdf`` (the light arriving along ``wo``, as

@@ -12,6 +12,7 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 
+from .packing import number_of
 from .primary_hit import PrimaryHit
 from .record import Continuation, PathRecord
 from .vertex import Vertex, exists, no_vertex
@@ -42,7 +43,7 @@ def drop_reshaped(
     lost : Bool
         Pixels that had something to lose.
     """
-    numbers = dr.reinterpret_array(mi.UInt32, mi.ShapePtr(list(reshaped)))
+    numbers = number_of(mi.ShapePtr(list(reshaped)))
     size = dr.opaque(mi.UInt32, int(dr.max(numbers)[0]) + 1)
     table = dr.zeros(mi.UInt32, int(size[0]))
     dr.scatter(table, mi.UInt32(1), numbers)
@@ -50,7 +51,7 @@ def drop_reshaped(
     instances_too = dr.opaque(mi.Bool, instanced)
 
     def gone(vertex: Vertex) -> mi.Bool:
-        number = dr.reinterpret_array(mi.UInt32, vertex.shape)
+        number = number_of(vertex.shape)
         named = dr.gather(mi.UInt32, table, number, number < size) != 0
         return named | (instances_too & (vertex.instance != None))  # noqa: E711  (element-wise)
 

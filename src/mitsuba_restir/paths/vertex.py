@@ -1,4 +1,4 @@
-"""Compact surface vertices: 36 bytes from which the interaction is rebuilt without a ray."""
+"""Compact surface vertices: 28 bytes from which the interaction is rebuilt without a ray."""
 
 from __future__ import annotations
 
@@ -7,51 +7,46 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from .packing import pack_surface, unpack_surface
+
 
 @dataclass
 class Vertex:
-    """A surface point as (position, shape, primitive, surface coordinates), one per lane.
+    """A surface point as (position, surface coordinates, primitive), one per lane.
 
-    Fields: ``p`` (world), ``uv`` (coordinates in the primitive), ``prim`` and ``index`` (of the
-    primitive and the shape), ``shape`` and ``instance``.
-    A vertex without shape and instance is nowhere.
+    Fields: ``p`` (world), ``uv`` (coordinates in the primitive), ``surface`` and ``primitive`` (the
+    words of :func:`.packing.pack_surface`). A vertex on no surface is nowhere.
     """
 
     p: mi.Point3f
     uv: mi.Point2f
-    prim: mi.UInt32
-    index: mi.UInt32
-    shape: mi.ShapePtr
-    instance: mi.ShapePtr
+    surface: mi.UInt32
+    primitive: mi.UInt32
+
+    @property
+    def shape(self) -> mi.ShapePtr:
+        """The shape that it is on; null for one of an instance, unless the backend names it."""
+        return unpack_surface(self.surface, self.primitive)[0]
+
+    @property
+    def instance(self) -> mi.ShapePtr:
+        """The instance that its shape is seen through; null without."""
+        return unpack_surface(self.surface, self.primitive)[1]
 
 
 def compact(pi: mi.PreliminaryIntersection3f, p: mi.Point3f) -> Vertex:
     """Compact form of an intersection ``pi`` whose surface point is ``p``."""
-    return Vertex(
-        mi.Point3f(p),
-        mi.Point2f(pi.prim_uv),
-        mi.UInt32(pi.prim_index),
-        mi.UInt32(pi.shape_index),
-        mi.ShapePtr(pi.shape),
-        mi.ShapePtr(pi.instance),
-    )
+    return Vertex(mi.Point3f(p), mi.Point2f(pi.prim_uv), *pack_surface(pi))
 
 
 def no_vertex() -> Vertex:
     """A vertex that is nowhere."""
-    return Vertex(
-        dr.zeros(mi.Point3f),
-        dr.zeros(mi.Point2f),
-        mi.UInt32(0),
-        mi.UInt32(0),
-        dr.zeros(mi.ShapePtr),
-        dr.zeros(mi.ShapePtr),
-    )
+    return Vertex(dr.zeros(mi.Point3f), dr.zeros(mi.Point2f), mi.UInt32(0), mi.UInt32(0))
 
 
 def exists(vertex: Vertex) -> mi.Bool:
-    """Lanes whose vertex is on a surface (``Bool``); an instanced one has only an instance."""
-    return (vertex.shape != None) | (vertex.instance != None)  # noqa: E711  (element-wise)
+    """Lanes whose vertex is on a surface."""
+    return vertex.surface != 0
 
 
 def seen_from(
@@ -64,10 +59,9 @@ def seen_from(
     pi = dr.zeros(mi.PreliminaryIntersection3f)
     pi.t = distance
     pi.prim_uv = vertex.uv
-    pi.prim_index = vertex.prim
-    pi.shape_index = vertex.index
-    pi.shape = vertex.shape
-    pi.instance = vertex.instance
+    pi.shape, pi.instance, pi.shape_index, pi.prim_index = unpack_surface(
+        vertex.surface, vertex.primitive
+    )
     pi.valid = exists(vertex)
     return ray, pi
 
