@@ -199,7 +199,7 @@ def first_of(chain: Chain) -> tuple[mi.Scene, Any, Reservoir, PrimaryHit]:
                 scene,
                 renderer,
                 dr.gather(Reservoir, reservoirs, lane),
-                dr.gather(PrimaryHit, hits, lane),
+                hits.at(lane),
             )
     raise AssertionError("no path fits")
 
@@ -219,7 +219,7 @@ def p_value(chain: Chain) -> float:
     }
     ends = np.array(after.path.vertex.p).T
     if chain.kind == Kind.REPLAY_NEE:
-        numbers = mi.Point2f(after.path.wo.x, after.path.wo.y)
+        numbers = after.path.leaving
         reference = dr.zeros(mi.Interaction3f)
         reference.p = hits.vertex.p
         ends = np.array(scene.sample_emitter_direction(reference, numbers, False)[0].p).T

@@ -7,13 +7,21 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mitsuba_restir.integrators.plan import setting_of
 from mitsuba_restir.paths.packing import (
     MOST_INSTANCES,
     number_of,
+    pack_direction,
+    pack_facing,
     pack_surface,
     shape_of,
+    unpack_direction,
+    unpack_footprint,
+    unpack_normal,
     unpack_surface,
 )
+from mitsuba_restir.sampling.streams import FrameKey
+from mitsuba_restir.shifts.connectability import pixel_footprint
 
 
 def intersection(
@@ -80,3 +88,69 @@ def test_surfaces_of_a_scene_are_kept(rgb):
     ours, theirs = (found.compute_surface_interaction(ray) for found in (again, pi))
     for a, b in ((ours.p, theirs.p), (ours.n, theirs.n), (ours.uv, theirs.uv)):
         np.testing.assert_array_equal(np.array(a), np.array(b))
+
+
+def directions(count: int) -> mi.Vector3f:
+    """Random unit vectors, and those along axes and diagonals."""
+    rng = np.random.default_rng(1)
+    found = rng.normal(size=(count, 3))
+    special = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+    found = np.concatenate([found, special[np.abs(special).sum(1) > 0]])
+    return mi.Vector3f(*(found / np.linalg.norm(found, axis=1, keepdims=True)).T.astype(np.float32))
+
+
+def test_directions_are_kept_in_single_precision(rgb):
+    wo = directions(100_000)
+    found = unpack_direction(pack_direction(wo))
+    assert float(dr.max(dr.norm(found - wo))[0]) < 4e-7
+    assert float(dr.max(dr.abs(dr.norm(found) - 1))[0]) < 2e-7
+    axes = mi.Vector3f([0, 0, 1, -1, 0, 0], [0, 0, 0, 0, 1, -1], [1, -1, 0, 0, 0, 0])
+    np.testing.assert_array_equal(np.array(unpack_direction(pack_direction(axes))), np.array(axes))
+
+
+def test_facing_is_kept_as_exactly_as_said(rgb):
+    normal = directions(100_000)
+    lanes = dr.width(normal)
+    footprint = mi.Float(np.geomspace(1e-30, 1e30, lanes).astype(np.float32))
+    facing = pack_facing(mi.Normal3f(normal), footprint)
+    angle = dr.norm(mi.Vector3f(unpack_normal(facing)) - normal)
+    assert float(dr.max(angle)[0]) < np.radians(0.5)
+    assert float(dr.mean(angle)[0]) < np.radians(0.2)
+    ratio = unpack_footprint(facing) / footprint
+    assert float(dr.max(dr.abs(ratio - 1))[0]) < 0.008
+    edge = unpack_footprint(pack_facing(mi.Normal3f(0, 0, 1), mi.Float([0, np.inf])))
+    np.testing.assert_array_equal(np.array(edge), [0, np.inf])
+
+
+@pytest.mark.parametrize("sensor", ["perspective", "thinlens"])
+def test_rays_start_where_the_camera_starts_them(rgb, sensor):
+    """From one eye or each its own, and their footprints are those of the sensor's own rays."""
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "restir_pt", "temporal": False, "spatial": False},
+            "ball": {"type": "sphere"},
+            "sensor": {
+                "type": sensor,
+                "near_clip": 0.5,
+                "to_world": mi.ScalarTransform4f().look_at([3, 1, 2], [0, 0.1, 0], [0, 1, 0]),
+                "film": {"type": "hdrfilm", "width": 16, "height": 9, "rfilter": {"type": "box"}},
+                **({"aperture_radius": 0.1, "focus_distance": 3.0} if sensor == "thinlens" else {}),
+            },
+        }
+    )
+    camera = scene.sensors()[0]
+    now = setting_of(scene, camera, FrameKey(mi.UInt32(0), mi.UInt32(3)), None, None).now
+    ray, _ = camera.sample_ray(0, 0, now.film, now.lens)
+    there = now.hit.vertex.surface != 0
+    assert dr.any(there)
+    away = dr.select(there, dr.norm(now.hit.origin - ray.o), 0)
+    assert float(dr.max(away)[0]) < 1e-5
+    si = scene.ray_intersect(ray)
+    ratio = now.hit.footprint / pixel_footprint(ray.o, si)
+    assert float(dr.max(dr.select(there, dr.abs(ratio - 1), 0))[0]) < 0.01
+
+
+def test_no_direction_is_kept_as_such(rgb):
+    """Zeros stand for it, and are no NaN."""
+    np.testing.assert_array_equal(np.array(pack_direction(mi.Vector3f(0))), 0)

@@ -90,7 +90,7 @@ def test_identity_and_round_trip(rgb, name, kind):
         boundary += (there & ~replayed & ~kept).sum()
 
         other, inside = neighbour(scene, (3, 2))
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         path = dr.gather(PathRecord, r.path, other, inside)
         start = dr.gather(Shifted, own, other, inside)
         forth = shift(scene, path, hits, inside & (start.outcome == Outcome.OK))
@@ -190,7 +190,7 @@ def test_jacobian_agrees_with_finite_differences(rgb):
     for renderer, r, hits in itertools.islice(candidates(5, scene), 8):
         other, inside = neighbour(scene, (6, 5))
         theirs = dr.gather(Reservoir, r, other, inside)
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         recorded = recorded or recorded_shift(renderer)
         own = recorded(scene, r.path, hits, r.weight > 0)
         start = dr.gather(mi.Float, own.factor, other, inside)
@@ -230,7 +230,7 @@ def test_pairwise_weights_are_a_partition(rgb):
     """
     for scene, shift, _, r, hits in frames("room", 4):
         other, inside = neighbour(scene, (2, 3))
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         path = dr.gather(PathRecord, r.path, other, inside)
         own = shift(scene, r.path, hits, r.weight > 0)
         start = dr.gather(Shifted, own, other, inside)

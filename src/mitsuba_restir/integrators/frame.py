@@ -34,7 +34,6 @@ from ..passes.temporal import (
 )
 from ..paths.camera import Camera
 from ..paths.moves import Moves
-from ..paths.primary_hit import PrimaryHit
 from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
 from ..resampling.subsets import Round
@@ -98,7 +97,7 @@ def sample_paths(
         return sampled
 
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
-    hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
+    hit_before = history.hits.at(motion.pixel, motion.valid)
     previous = Previous(before, hit_before, motion.valid)
     if moves is not None:
         kept = kept_pdf(scope, reservoirs.path, now.hit, shareable(reservoirs, previous))

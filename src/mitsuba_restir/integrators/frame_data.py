@@ -14,8 +14,9 @@ from ..mutations.proposals import MoveReconnectionVertex
 from ..mutations.surrogate import MoveInPlane
 from ..neighbors.color_history import ColorHistory, no_color_history
 from ..passes.temporal import Previous
+from ..paths.camera import eye_of
 from ..paths.grid import grid_of
-from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hit
+from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hits
 from ..paths.reshaped import drop_reshaped
 from ..paths.settings import PathLimits
 from ..resampling.reservoir import Reservoir, empty_reservoir
@@ -196,12 +197,12 @@ class Plan:
         )
 
 
-def no_history(scene: mi.Scene, pixels: int, parameters: Parameters) -> History:
+def no_history(scene: mi.Scene, sensor: mi.Sensor, pixels: int, parameters: Parameters) -> History:
     """A history without paths, with the structure that later frames have."""
     index = dr.zeros(mi.UInt32, pixels)
     history = History(
         dr.gather(Reservoir, empty_reservoir(parameters.mutates), index),
-        dr.gather(PrimaryHit, no_primary_hit(), index),
+        no_primary_hits(pixels, eye_of(sensor)),
         dr.gather(ColorHistory, no_color_history(), index) if parameters.selects else None,
         nothing_learnt(scene, parameters.guiding, parameters.roulette == "contribution"),
     )

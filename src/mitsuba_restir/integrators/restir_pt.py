@@ -247,7 +247,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         elif edit := self._watch.look(thorough=self._history is None):
             self._follow(scene, edit)
         if self._history is None:
-            self._history = no_history(scene, width * height, self.parameters)
+            self._history = no_history(scene, sensor, width * height, self.parameters)
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
     def _plan_frames(self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]) -> None:

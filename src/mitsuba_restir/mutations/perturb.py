@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import pack_direction
 from ..paths.record import (
     Kind,
     PathRecord,
@@ -45,7 +46,7 @@ from ..shifts.scope import Scope
 from .kind import State
 from .pivot import Pivot
 
-CHANGES: tuple[str, ...] = ("vertex", "wo", "radiance", "light_pdf", "factor")
+CHANGES: tuple[str, ...] = ("vertex", "leaving", "radiance", "light_pdf", "factor")
 """Fields of a path's record that differ when its reconnection vertex does."""
 
 
@@ -92,9 +93,7 @@ def at_vertex(
 
     # ------------------------------ light samples and x_{k-1} -> x_k ----------------------------
 
-    numbers = dr.select(
-        by_numbers, mi.Point2f(path.wo.x, path.wo.y), light_numbers(pivot.stream, k)
-    )
+    numbers = dr.select(by_numbers, path.leaving, light_numbers(pivot.stream, k))
     sampled = active & dr.select(by_numbers, can_connect(bsdf), nee & can_connect(bsdf_k))
     light = sample_light(scene, dr.select(by_numbers, pivot.si, si_k), numbers, False, sampled)
     direction = dr.select(by_numbers, light.d, ray.d)
@@ -131,10 +130,12 @@ def at_vertex(
     radiance = dr.select(renewed, emitted, dr.select(nee, light.weight, radiance))
     light_pdf = dr.select(nee, dr.select(light.delta, 0, light.pdf), path.light_pdf)
     light_pdf = dr.select(renewed, emitted_pdf, light_pdf)
+    to_environment = kind == Kind.ENVIRONMENT
+    leaving = pack_direction(dr.select(to_environment, direction, wo))
     moved = replace(
         path,
         vertex=landing.vertex,
-        wo=dr.select(kind == Kind.ENVIRONMENT, direction, dr.select(onward, wo, path.wo)),
+        leaving=dr.select(to_environment | onward, leaving, path.leaving),
         radiance=radiance,
         light_pdf=light_pdf,
         factor=own_factor(kind, pair, pdf_k),

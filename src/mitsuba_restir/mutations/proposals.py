@@ -118,11 +118,11 @@ def lobe_ratio(
 
 def _move_numbers(path: PathRecord, moves: mi.Bool, u: mi.Point2f, step: float) -> PathRecord:
     """Perturb the numbers that sampled a light, on the torus."""
-    moved = mi.Point2f(path.wo.x, path.wo.y) + step * mi.warp.square_to_std_normal(u)
+    moved = path.leaving + step * mi.warp.square_to_std_normal(u)
     moved -= dr.floor(moved)
     # The floor of a tiny negative number rounds to 1, which is outside the square.
     moved = dr.minimum(moved, 1 - 2.0**-24)
-    return replace(path, wo=dr.select(moves, mi.Vector3f(moved.x, moved.y, 0), path.wo))
+    return replace(path, leaving=dr.select(moves, moved, path.leaving))
 
 
 def _concentration(pdf: mi.Float, step: float) -> mi.Float:

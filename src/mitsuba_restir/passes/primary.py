@@ -8,7 +8,9 @@ from typing import TypeAlias
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.camera import eye_of
 from ..paths.grid import Grid
+from ..paths.packing import pack_facing
 from ..paths.primary_hit import Primary, PrimaryHit
 from ..paths.spectrum import response
 from ..paths.vertex import compact
@@ -59,9 +61,8 @@ def primary(
     emitted = mi.Spectrum(0)
     if skip_emitters is None:
         emitted = weight * si.emitter(scene).eval(si)
-    hit = PrimaryHit(
-        compact(pi, si.p), mi.Point3f(ray.o), si.sh_frame.n, pixel_footprint(ray.o, si)
-    )
+    facing = pack_facing(si.sh_frame.n, pixel_footprint(ray.o, si))
+    hit = PrimaryHit(compact(pi, si.p), facing, eye_of(sensor) or mi.Point3f(ray.o))
     return Primary(
         hit,
         response(emitted, ray.wavelengths),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from .packing import number_of
+from .packing import number_of, pack_facing
 from .primary_hit import PrimaryHit
 from .vertex import Vertex
 
@@ -91,7 +91,7 @@ def hit_before(moves: Moves, hit: PrimaryHit) -> tuple[PrimaryHit, Move]:
     before = replace(
         hit,
         vertex=replace(hit.vertex, p=move.back(hit.vertex.p)),
-        origin=move.back(hit.origin),
-        normal=mi.Normal3f(move.turned_back(mi.Vector3f(hit.normal))),
+        start=move.back(hit.origin),
+        facing=pack_facing(mi.Normal3f(move.turned_back(mi.Vector3f(hit.normal))), hit.footprint),
     )
     return before, move

@@ -13,6 +13,7 @@ import mitsuba as mi
 
 from ..sampling.codes import Codes
 from ..sampling.streams import PathName
+from .packing import unpack_direction
 from .vertex import Vertex, no_vertex
 
 
@@ -40,17 +41,22 @@ class Absent:
 
 @dataclass
 class Continuation:
-    """What follows the reconnection vertex, kept so that x_k can be moved (56 bytes a path).
+    """What follows the reconnection vertex, kept so that x_k can be moved (52 bytes a path).
 
-    Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path), ``wo``
-    (direction leaving it), ``radiance`` and ``light_pdf`` (the light arriving along ``wo``, as
-    :class:`PathRecord` has them for x_k; their kind is in the record's ``info``).
+    Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path),
+    ``leaving`` (packed direction leaving it), ``radiance`` and ``light_pdf`` (the light arriving
+    from there, as :class:`PathRecord` has them for x_k; their kind is in the record's ``info``).
     """
 
     vertex: Vertex
-    wo: mi.Vector3f
+    leaving: mi.Point2f
     radiance: mi.Spectrum
     light_pdf: mi.Float
+
+    @property
+    def wo(self) -> mi.Vector3f:
+        """Direction leaving the vertex (world)."""
+        return unpack_direction(self.leaving)
 
 
 @dataclass
@@ -58,30 +64,35 @@ class PathRecord:
     """A path that can be replayed or reconnected, one per lane.
 
     Fields: ``name`` names the prefix's stream. ``info`` packs kind, technique, k and d. ``vertex``
-    is x_k, ``wo`` (world) the direction that leaves it (for ``ENVIRONMENT`` the one that leaves
-    x_{k-1}). ``radiance`` is the light arriving along ``wo``: the suffix's throughput and MIS
+    is x_k, ``leaving`` the packed direction that leaves it (for ``ENVIRONMENT`` the one that leaves
+    x_{k-1}). ``radiance`` is the light arriving from there: the suffix's throughput and MIS
     weight are part of it for ``FAR``, emission alone for ``HIT`` and ``ENVIRONMENT``, emission over
     the light pdf for ``NEE``; unused for ``LIGHT``, whose emission depends on the direction.
     ``light_pdf`` [1/sr] is the MIS partner of ``NEE``, ``HIT`` and ``ENVIRONMENT``; 0 stands for a
     light that only one technique can find. ``factor`` is p_{k-1} G p_k, this path's own part of the
-    reconnection Jacobian. A ``REPLAY_NEE`` path has no ``wo``; the two numbers that sampled its
-    light are kept there.
+    reconnection Jacobian. A ``REPLAY_NEE`` path has no such direction; the two numbers that sampled
+    its light are kept there.
     ``next`` (:class:`Continuation`) is :class:`Absent` where paths are never mutated.
     """
 
     name: PathName
     info: mi.UInt32
     vertex: Vertex
-    wo: mi.Vector3f
+    leaving: mi.Point2f
     radiance: mi.Spectrum
     light_pdf: mi.Float
     factor: mi.Float
     next: Continuation | Absent
 
+    @property
+    def wo(self) -> mi.Vector3f:
+        """Direction leaving x_k, or x_{k-1} to the environment (world)."""
+        return unpack_direction(self.leaving)
+
 
 def no_continuation() -> Continuation:
     """A continuation that leads nowhere."""
-    return Continuation(no_vertex(), dr.zeros(mi.Vector3f), dr.zeros(mi.Spectrum), mi.Float(0))
+    return Continuation(no_vertex(), dr.zeros(mi.Point2f), dr.zeros(mi.Spectrum), mi.Float(0))
 
 
 def empty_record(continued: bool) -> PathRecord:
@@ -90,7 +101,7 @@ def empty_record(continued: bool) -> PathRecord:
         PathName(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)),
         mi.UInt32(0),
         no_vertex(),
-        dr.zeros(mi.Vector3f),
+        dr.zeros(mi.Point2f),
         dr.zeros(mi.Spectrum),
         mi.Float(0),
         mi.Float(0),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import pack_direction
 from ..paths.record import Absent, Continuation, Kind, PathRecord, pack_info
 from ..paths.scattering import LightSample, Scattered, balance
 from ..paths.vertex import Vertex, no_vertex
@@ -135,7 +136,7 @@ def record_hit(
         next_kind = dr.select(anchored & ~from_anchor & ~anchor.next.delta, found, next_kind)
         continuation = Continuation(
             dr.select(from_anchor, dr.select(on_surface, here, no_vertex()), anchor.next.vertex),
-            anchor.next.wo,
+            pack_direction(anchor.next.wo),
             dr.select(second, radiance, anchor.next.suffix * radiance * mis),
             light_pdf,
         )
@@ -145,7 +146,7 @@ def record_hit(
             kind, False, dr.select(anchored, anchor.k, dr.select(to_light, j, 0)), j, next_kind
         ),
         dr.select(anchored, anchor.vertex, dr.select(to_light & on_surface, here, no_vertex())),
-        dr.select(anchored, anchor.wo, direction),
+        pack_direction(dr.select(anchored, anchor.wo, direction)),
         dr.select(anchored & ~from_anchor, anchor.suffix * radiance * mis, radiance),
         light_pdf,
         dr.select(anchored, anchor.factor, dr.select(to_light, arrival.area_pdf, 1)),
@@ -194,12 +195,12 @@ def record_nee(
         next_kind = dr.select(anchored, next_kind, Kind.EMPTY)
         continuation = Continuation(
             dr.select(second, here, anchor.next.vertex),
-            dr.select(second, light.d, anchor.next.wo),
+            pack_direction(dr.select(second, light.d, anchor.next.wo)),
             dr.select(second, light.weight, anchor.next.suffix * scattered * light.weight),
             light_pdf,
         )
     # A light sampled before any reconnection vertex is described by the numbers that sampled it.
-    leaving = dr.select(from_here, light.d, mi.Vector3f(numbers.x, numbers.y, 0))
+    leaving = pack_direction(dr.select(anchored, anchor.wo, light.d))
     return PathRecord(
         place.name,
         pack_info(
@@ -210,7 +211,7 @@ def record_nee(
             next_kind,
         ),
         dr.select(anchored, anchor.vertex, dr.select(from_here, here, no_vertex())),
-        dr.select(anchored, anchor.wo, leaving),
+        dr.select(anchored | from_here, leaving, numbers),
         dr.select(anchored, anchor.suffix * scattered * light.weight, light.weight),
         light_pdf,
         dr.select(anchored, anchor.factor, dr.select(from_here, arrival.area_pdf, 1)),

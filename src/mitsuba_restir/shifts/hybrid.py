@@ -94,8 +94,7 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
     limit = criterion.vertex_limit(si, bsdf, alive)
     arrival = mapping.link(head.start, head.ray, si, limit, head.index, head.footprint)
 
-    numbers = mi.Point2f(path.wo.x, path.wo.y)
-    light = sample_light(scene, si, numbers, False, by_light & can_connect(bsdf))
+    light = sample_light(scene, si, path.leaving, False, by_light & can_connect(bsdf))
     ray_k, pi_k, found = connected(si, path.vertex)
     direction = dr.select(to_vertex, ray_k.d, dr.select(to_environment, path.wo, light.d))
     value, pdf = evaluate(si, bsdf, direction, extends & (~by_light | light.valid))

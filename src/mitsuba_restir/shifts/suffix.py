@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import pack_direction
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import (
     Continuation,
@@ -152,13 +153,13 @@ def retrace_suffix(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.B
     if isinstance(following, Continuation):
         following = dr.select(
             from_vertex & ~sampled,
-            Continuation(after, after_wo, after_radiance, after_pdf),
+            Continuation(after, pack_direction(after_wo), after_radiance, after_pdf),
             following,
         )
     traced = replace(
         path,
         vertex=replace(path.vertex, p=moved),
-        wo=dr.select(sampled, light.d, path.wo),
+        leaving=dr.select(sampled, pack_direction(light.d), path.leaving),
         radiance=dr.select(from_vertex | to_environment, radiance, path.radiance),
         light_pdf=dr.select(found, light_pdf, dr.select(sampled, sampled_pdf, path.light_pdf)),
         next=following,
