@@ -10,14 +10,17 @@ import pytest
 from mitsuba_restir.integrators.plan import setting_of
 from mitsuba_restir.paths.packing import (
     MOST_INSTANCES,
+    keep_radiance,
     number_of,
     pack_direction,
     pack_facing,
+    pack_radiance,
     pack_surface,
     shape_of,
     unpack_direction,
     unpack_footprint,
     unpack_normal,
+    unpack_radiance,
     unpack_surface,
 )
 from mitsuba_restir.sampling.streams import FrameKey
@@ -154,3 +157,47 @@ def test_rays_start_where_the_camera_starts_them(rgb, sensor):
 def test_no_direction_is_kept_as_such(rgb):
     """Zeros stand for it, and are no NaN."""
     np.testing.assert_array_equal(np.array(pack_direction(mi.Vector3f(0))), 0)
+
+
+def words(count: int) -> tuple[mi.UInt32, mi.UInt32]:
+    """Random words."""
+    rng = np.random.default_rng(2)
+    a, b = (mi.UInt32(rng.integers(2**32, size=count, dtype=np.uint32)) for _ in range(2))
+    return a, b
+
+
+@pytest.mark.parametrize("scale", [1e-36, 1e-3, 1.0, 3e7, 1.5e38])
+@pytest.mark.parametrize(
+    "color", [(1, 1, 1), (0.7, 0.2, 0.0), (1.0, 1e-3, 1e-5), (-0.3, 1.3, 0.4), (1.999, 0.5, 0.01)]
+)
+def test_radiance_is_kept_on_the_average(rgb, color, scale):
+    """Channel by channel, within 5 standard deviations and the 2^-21 that are promised."""
+    count = 1 << 20
+    value = np.array(color, dtype=np.float32) * np.float32(scale)
+    packed = pack_radiance(mi.Color3f(*value.tolist()), words(count))
+    found = np.array(unpack_radiance(packed), dtype=np.float64)
+    most = np.abs(value).max()
+    assert np.abs(found - value[:, None]).max() < most / 63
+    error = np.abs(found.mean(axis=1) - value) - found.std(axis=1) * 5 / count**0.5
+    assert error.max() < most * 2**-21
+    # Nothing makes light of no light.
+    np.testing.assert_array_equal(found[value == 0], 0)
+
+
+def test_no_light_and_infinite_light(rgb):
+    """Neither makes a number that is not finite where there was one."""
+    value = mi.Color3f([0, 1e-44, np.inf, np.nan], [0, 0, 1, 1], [0, 0, 0, 1])
+    packed, share = keep_radiance(value, words(4))
+    left = np.array(unpack_radiance(packed))
+    np.testing.assert_array_equal(left[:, 0], 0)
+    assert np.abs(left[:, 1]).max() < 1e-36
+    assert np.isfinite(np.array(share)).all()
+
+
+@pytest.mark.parametrize("variant", ["spectral", "mono"])
+def test_other_radiance_is_kept_as_it_is(variant, request):
+    request.getfixturevalue(variant)
+    value = mi.Spectrum(0.1)
+    packed, share = keep_radiance(value, words(1))
+    np.testing.assert_array_equal(np.array(unpack_radiance(packed)), np.array(value))
+    np.testing.assert_array_equal(np.array(share), 1)

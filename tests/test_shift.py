@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from support import references, rooms
+from support.mutants import Mutation, apply
 from support.transport import candidates, neighbour, recorded_shift
 
 from mitsuba_restir.paths.primary_hit import PrimaryHit, camera_ray
@@ -117,6 +118,26 @@ def test_identity_and_round_trip(rgb, name, kind):
     assert lost + wrong <= 3 + 1e-5 * shifted
     assert median < 2e-6
     assert rare < 1e-4
+
+
+@pytest.mark.parametrize(
+    "late",
+    [
+        # F of a candidate is computed from radiance as it was before the record was rounded.
+        Mutation("dr.select(used, share * left, 1)", "mi.Spectrum(1)"),
+        # Where the light goes on from x_{k+1} to x_k, only what is kept at x_k counts.
+        Mutation("dr.select(used, share * left, 1)", "dr.select(used, left, 1)"),
+    ],
+)
+def test_radiance_that_is_rounded_too_late_is_seen(rgb, monkeypatch, late):
+    """A path then has another F in its own pixel than its candidate had."""
+    apply(monkeypatch, (late,))
+    errors = []
+    for scene, shift, _, r, hits in frames("room", 4, mutations=1, mutation_interval=64):
+        own = shift(scene, r.path, hits, r.weight > 0)
+        fine = np.array((own.outcome == Outcome.OK) & (kind_of(r.path) == Kind.FAR))
+        errors.append(relative(own.color, r.color)[fine])
+    assert np.median(np.concatenate(errors)) > 1e-3
 
 
 @pytest.mark.parametrize(

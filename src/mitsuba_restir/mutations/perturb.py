@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.packing import pack_direction
+from ..paths.packing import pack_direction, pack_radiance
 from ..paths.record import (
     Kind,
     PathRecord,
@@ -28,6 +28,7 @@ from ..paths.record import (
     kind_of,
     next_kind_of,
     reconnection_index,
+    rounding,
 )
 from ..paths.scattering import (
     balance,
@@ -46,7 +47,7 @@ from ..shifts.scope import Scope
 from .kind import State
 from .pivot import Pivot
 
-CHANGES: tuple[str, ...] = ("vertex", "leaving", "radiance", "light_pdf", "factor")
+CHANGES: tuple[str, ...] = ("vertex", "leaving", "arriving", "light_pdf", "factor")
 """Fields of a path's record that differ when its reconnection vertex does."""
 
 
@@ -126,8 +127,9 @@ def at_vertex(
         found | (hit & ahead),
     )
     renewed = found | (hit & ahead)
-    radiance = dr.select(far, _through(path, value_n, pdf_n), path.radiance)
-    radiance = dr.select(renewed, emitted, dr.select(nee, light.weight, radiance))
+    radiance = dr.select(far, _through(path, value_n, pdf_n), light.weight)
+    radiance = dr.select(renewed, emitted, radiance)
+    arriving = pack_radiance(radiance, rounding(pivot.stream, path.info, False))
     light_pdf = dr.select(nee, dr.select(light.delta, 0, light.pdf), path.light_pdf)
     light_pdf = dr.select(renewed, emitted_pdf, light_pdf)
     to_environment = kind == Kind.ENVIRONMENT
@@ -136,7 +138,7 @@ def at_vertex(
         path,
         vertex=landing.vertex,
         leaving=dr.select(to_environment | onward, leaving, path.leaving),
-        radiance=radiance,
+        arriving=dr.select(far | nee | renewed, arriving, path.arriving),
         light_pdf=light_pdf,
         factor=own_factor(kind, pair, pdf_k),
     )

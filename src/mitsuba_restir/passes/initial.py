@@ -144,7 +144,7 @@ def _tree(
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active & si.is_valid())
         arrival = mapping.link(start, ray, si, limit, j, hit.footprint)
-        place = Place(name, anchor, arrival, compact(pi, si.p), j)
+        place = Place(name, stream, anchor, arrival, compact(pi, si.p), j)
         anchored = anchor.k != 0
 
         # -------------------------- light found by the last bounce ------------------------------
@@ -153,8 +153,8 @@ def _tree(
         arrived &= si.is_valid() | scattered | (not mapping.hides_sky)
         radiance, light_pdf = emission(scene, si, start.p, arrived)
         light_pdf = dr.select(start.delta, 0, light_pdf)
-        path = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
-        color = response(throughput * radiance * balance(start.pdf, light_pdf), lambdas)
+        path, kept = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
+        color = response(throughput * radiance * balance(start.pdf, light_pdf) * kept, lambdas)
         odds = ledger.inverse(anchored | arrival.reaches) / survival
         weight = target(color) * odds
         refused = refuse(refused, color * odds, arrived & ~fits(streaming, weight))
@@ -173,8 +173,8 @@ def _tree(
         value, pdf = evaluate(si, bsdf, light.d, light.valid)
         light_pdf = dr.select(light.delta, 0, light.pdf)
         mis = nee_weight(light_pdf, pdf)
-        path = record_nee(place, light, numbers, pdf, value * mis, light_pdf)
-        color = response(throughput * value * light.weight * mis, lambdas)
+        path, kept = record_nee(place, light, numbers, pdf, value * mis, light_pdf)
+        color = response(throughput * value * light.weight * mis * kept, lambdas)
         odds = ledger.inverse(anchored | (pdf <= arrival.limit)) / survival
         weight = target(color) * odds
         refused = refuse(refused, color * odds, light.valid & ~fits(streaming, weight))

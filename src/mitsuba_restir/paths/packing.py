@@ -6,6 +6,8 @@ the image, so that bytes cost time; kernels unpack what they read.
 
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
@@ -22,6 +24,10 @@ word, its primitive and the upper bits of its part the second one."""
 
 MOST_INSTANCES = (1 << INSTANCE_BITS) - 1
 """Largest number of an instance that can be stored."""
+
+
+LOWEST_EXPONENT = 7
+"""Exponent of the least radiance, as single precision stores it: less is rounded to 0 or to it."""
 
 
 def pack_surface(pi: mi.PreliminaryIntersection3f) -> tuple[mi.UInt32, mi.UInt32]:
@@ -101,6 +107,56 @@ def unpack_direction(point: mi.Point2f) -> mi.Vector3f:
     folded = dr.maximum(-z, 0)
     flat = point - dr.mulsign(mi.Point2f(folded), point)
     return dr.normalize(mi.Vector3f(flat.x, flat.y, z))
+
+
+def pack_radiance(radiance: mi.Spectrum, random: tuple[mi.UInt32, mi.UInt32]) -> Any:
+    """Radiance in RGB as three integers of 8 bits with a common exponent, in one word.
+
+    Each is rounded up or down at random, so that its expectation is what it was, to 2^-21 of the
+    largest. What is computed from radiance has to be computed from what is left of it. Other
+    variants keep theirs.
+
+    Parameters
+    ----------
+    random : (UInt32, UInt32)
+        Words of a stream that nothing else reads.
+    """
+    if not mi.is_rgb:
+        return mi.Spectrum(radiance)
+    largest = dr.reinterpret_array(mi.UInt32, dr.max(dr.abs(radiance)))
+    exponent = dr.clip(largest >> 23, LOWEST_EXPONENT, 254)
+    # By 2^(6 - exponent), so that the largest is below 128, and then below 127.
+    scale = dr.reinterpret_array(mi.Float, (260 - exponent) << 23) * (127 / 128)
+    a, b = random
+    numbers = (a >> 11, b >> 11, ((a & 0x7FF) << 10) | (b & 0x3FF))
+    word = exponent << 24
+    for i, (value, number) in enumerate(zip(radiance, numbers, strict=True)):
+        rounded = dr.floor(value * scale + mi.Float(number) * 2.0**-21)
+        word |= (mi.UInt32(mi.Int32(rounded)) & 0xFF) << (8 * i)
+    return word
+
+
+def unpack_radiance(packed: Any) -> mi.Spectrum:
+    """The radiance that is left."""
+    if not mi.is_rgb:
+        return mi.Spectrum(packed)
+    unit = dr.reinterpret_array(mi.Float, ((packed >> 24) - 6) << 23) * (128 / 127)
+    signed = (mi.Int32(packed << (24 - 8 * i)) >> 24 for i in range(3))
+    return mi.Color3f(*(mi.Float(number) * unit for number in signed))
+
+
+def keep_radiance(
+    radiance: mi.Spectrum, random: tuple[mi.UInt32, mi.UInt32]
+) -> tuple[Any, mi.Spectrum]:
+    """Pack radiance; also returned is what is left of it, relative to what it was."""
+    packed = pack_radiance(radiance, random)
+    share = unpack_radiance(packed) / radiance
+    return packed, dr.select(dr.isfinite(share), share, 1)
+
+
+def no_radiance() -> Any:
+    """No radiance, packed."""
+    return mi.UInt32(LOWEST_EXPONENT << 24) if mi.is_rgb else dr.zeros(mi.Spectrum)
 
 
 def number_of(shape: mi.ShapePtr) -> mi.UInt32:

@@ -7,13 +7,14 @@ prefix, its reconnection vertex x_k, the direction leaving it, and the light arr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
 from ..sampling.codes import Codes
-from ..sampling.streams import PathName
-from .packing import unpack_direction
+from ..sampling.streams import ROUNDING, PathName, Stream
+from .packing import no_radiance, unpack_direction, unpack_radiance
 from .vertex import Vertex, no_vertex
 
 
@@ -41,17 +42,23 @@ class Absent:
 
 @dataclass
 class Continuation:
-    """What follows the reconnection vertex, kept so that x_k can be moved (52 bytes a path).
+    """What follows the reconnection vertex, kept so that x_k can be moved (44 bytes a path).
 
     Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path),
-    ``leaving`` (packed direction leaving it), ``radiance`` and ``light_pdf`` (the light arriving
-    from there, as :class:`PathRecord` has them for x_k; their kind is in the record's ``info``).
+    ``leaving`` (packed direction leaving it), ``arriving`` (packed radiance) and ``light_pdf`` (the
+    light arriving from there, as :class:`PathRecord` has them for x_k; their kind is in the
+    record's ``info``).
     """
 
     vertex: Vertex
     leaving: mi.Point2f
-    radiance: mi.Spectrum
+    arriving: Any
     light_pdf: mi.Float
+
+    @property
+    def radiance(self) -> mi.Spectrum:
+        """Light arriving along ``wo``, see :class:`PathRecord`."""
+        return unpack_radiance(self.arriving)
 
     @property
     def wo(self) -> mi.Vector3f:
@@ -65,9 +72,9 @@ class PathRecord:
 
     Fields: ``name`` names the prefix's stream. ``info`` packs kind, technique, k and d. ``vertex``
     is x_k, ``leaving`` the packed direction that leaves it (for ``ENVIRONMENT`` the one that leaves
-    x_{k-1}). ``radiance`` is the light arriving from there: the suffix's throughput and MIS
-    weight are part of it for ``FAR``, emission alone for ``HIT`` and ``ENVIRONMENT``, emission over
-    the light pdf for ``NEE``; unused for ``LIGHT``, whose emission depends on the direction.
+    x_{k-1}). ``arriving`` is the packed radiance from there: the suffix's throughput and MIS weight
+    are part of it for ``FAR``, emission alone for ``HIT`` and ``ENVIRONMENT``, emission over the
+    light pdf for ``NEE``; unused for ``LIGHT``, whose emission depends on the direction.
     ``light_pdf`` [1/sr] is the MIS partner of ``NEE``, ``HIT`` and ``ENVIRONMENT``; 0 stands for a
     light that only one technique can find. ``factor`` is p_{k-1} G p_k, this path's own part of the
     reconnection Jacobian. A ``REPLAY_NEE`` path has no such direction; the two numbers that sampled
@@ -79,10 +86,15 @@ class PathRecord:
     info: mi.UInt32
     vertex: Vertex
     leaving: mi.Point2f
-    radiance: mi.Spectrum
+    arriving: Any
     light_pdf: mi.Float
     factor: mi.Float
     next: Continuation | Absent
+
+    @property
+    def radiance(self) -> mi.Spectrum:
+        """Light arriving along ``wo``, as all who use the path know it."""
+        return unpack_radiance(self.arriving)
 
     @property
     def wo(self) -> mi.Vector3f:
@@ -92,7 +104,7 @@ class PathRecord:
 
 def no_continuation() -> Continuation:
     """A continuation that leads nowhere."""
-    return Continuation(no_vertex(), dr.zeros(mi.Point2f), dr.zeros(mi.Spectrum), mi.Float(0))
+    return Continuation(no_vertex(), dr.zeros(mi.Point2f), no_radiance(), mi.Float(0))
 
 
 def empty_record(continued: bool) -> PathRecord:
@@ -102,7 +114,7 @@ def empty_record(continued: bool) -> PathRecord:
         mi.UInt32(0),
         no_vertex(),
         dr.zeros(mi.Point2f),
-        dr.zeros(mi.Spectrum),
+        no_radiance(),
         mi.Float(0),
         mi.Float(0),
         no_continuation() if continued else Absent(),
@@ -143,6 +155,20 @@ def next_kind_of(record: PathRecord) -> mi.UInt32:
     ``EMPTY`` where x_{k+1} scatters by a delta lobe, so that the direction leaving it is not free.
     """
     return record.info >> 28
+
+
+def rounding(stream: Stream, info: mi.UInt32, following: bool) -> tuple[mi.UInt32, mi.UInt32]:
+    """The words by which a path's radiance is rounded, or that of its continuation.
+
+    They are primary samples of the path like all others, the same whenever it is traced again.
+
+    Parameters
+    ----------
+    info : UInt32
+        As packed in the record; no two paths of a stream have the same end.
+    """
+    end = info & (8 | MAX_EDGES << 16)
+    return stream.words((end >> 15) | ((end >> 3) & 1) | (following << 13), ROUNDING)
 
 
 def with_factor(path: PathRecord, factor: mi.Float) -> PathRecord:

@@ -20,6 +20,9 @@ LOBE, DIRECTION, LIGHT = 0, 1, 2
 WAVELENGTH = 3
 """Block of vertex 0 that holds the wavelength sample of spectral variants."""
 
+ROUNDING = 3
+"""The same block of other vertices: how what a record keeps of a path is rounded."""
+
 _BLOCKS = 4
 _ROUNDS = 4
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.packing import pack_direction
+from ..paths.packing import keep_radiance, pack_direction, pack_radiance
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import (
     Continuation,
@@ -18,6 +18,7 @@ from ..paths.record import (
     kind_of,
     next_kind_of,
     reconnection_index,
+    rounding,
 )
 from ..paths.scattering import (
     along,
@@ -151,16 +152,20 @@ def retrace_suffix(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.B
     sampled_pdf = dr.select(light.delta, 0, light.pdf)
     following = path.next
     if isinstance(following, Continuation):
+        there, left = keep_radiance(after_radiance, rounding(stream, path.info, True))
+        # What arrives follows from what is kept, as when the path was found.
+        radiance = dr.select(kind == Kind.FAR, radiance * left, radiance)
         following = dr.select(
             from_vertex & ~sampled,
-            Continuation(after, pack_direction(after_wo), after_radiance, after_pdf),
+            Continuation(after, pack_direction(after_wo), there, after_pdf),
             following,
         )
+    arriving = pack_radiance(radiance, rounding(stream, path.info, False))
     traced = replace(
         path,
         vertex=replace(path.vertex, p=moved),
         leaving=dr.select(sampled, pack_direction(light.d), path.leaving),
-        radiance=dr.select(from_vertex | to_environment, radiance, path.radiance),
+        arriving=dr.select(from_vertex | to_environment, arriving, path.arriving),
         light_pdf=dr.select(found, light_pdf, dr.select(sampled, sampled_pdf, path.light_pdf)),
         next=following,
     )
