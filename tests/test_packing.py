@@ -10,19 +10,23 @@ import pytest
 from mitsuba_restir.integrators.plan import setting_of
 from mitsuba_restir.paths.packing import (
     MOST_INSTANCES,
+    ON_MESH,
     keep_radiance,
     number_of,
+    pack_compact,
     pack_direction,
     pack_facing,
     pack_radiance,
     pack_surface,
     shape_of,
+    unpack_compact,
     unpack_direction,
     unpack_footprint,
     unpack_normal,
     unpack_radiance,
     unpack_surface,
 )
+from mitsuba_restir.paths.record import Form
 from mitsuba_restir.sampling.streams import FrameKey
 from mitsuba_restir.shifts.connectability import pixel_footprint
 
@@ -56,6 +60,16 @@ def test_surfaces_are_kept(rgb, shape, instance, index, primitive):
 
 def test_no_surface_is_none(rgb):
     assert pack_surface(intersection(0, 0, 9, 9))[0][0] == 0
+
+
+@pytest.mark.parametrize(("shape", "primitive"), [(1, 0), (2047, 2**20 - 1), (0, 99)])
+def test_compact_surfaces_are_kept(rgb, shape, primitive):
+    """Without a shape nothing is kept; with the bit of a mesh, the same."""
+    word = pack_compact(intersection(shape, 0, 0, primitive))
+    for surface in (word, word | ON_MESH):
+        found, index = unpack_compact(surface)
+        kept = [int(number_of(found)[0]), int(index[0])]
+        assert kept == ([shape, primitive] if shape else [0, 0])
 
 
 def test_surfaces_of_a_scene_are_kept(rgb):
@@ -142,8 +156,8 @@ def test_rays_start_where_the_camera_starts_them(rgb, sensor):
             },
         }
     )
-    camera = scene.sensors()[0]
-    now = setting_of(scene, camera, FrameKey(mi.UInt32(0), mi.UInt32(3)), None, None).now
+    camera, form = scene.sensors()[0], Form(continued=False, compact=True)
+    now = setting_of(scene, camera, FrameKey(mi.UInt32(0), mi.UInt32(3)), None, None, form).now
     ray, _ = camera.sample_ray(0, 0, now.film, now.lens)
     there = now.hit.vertex.surface != 0
     assert dr.any(there)

@@ -20,7 +20,7 @@ from mitsuba_restir.paths.record import (
     reconnection_index,
     with_factor,
 )
-from mitsuba_restir.paths.vertex import exists, seen_from
+from mitsuba_restir.paths.vertex import exists, sight
 from mitsuba_restir.resampling.reservoir import Reservoir
 from mitsuba_restir.shifts.hybrid import Shifted
 from mitsuba_restir.shifts.mapping import Outcome
@@ -216,8 +216,8 @@ def test_jacobian_agrees_with_finite_differences(rgb):
         own = recorded(scene, r.path, hits, r.weight > 0)
         start = dr.gather(mi.Float, own.factor, other, inside)
         moved = recorded(scene, theirs.path, hits, inside & (theirs.weight > 0))
-        ray, pi = seen_from(theirs.path.vertex, near.vertex.p, [])
-        si = pi.compute_surface_interaction(ray)
+        seen = sight(theirs.path.vertex, lambda _, p=near.vertex.p: p, [], True)
+        ray, si = seen.ray, seen.si
         use = np.array(
             (moved.outcome == Outcome.OK)
             & (reconnection_index(theirs.path) == 2)

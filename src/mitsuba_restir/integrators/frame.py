@@ -65,7 +65,7 @@ def sample_paths(
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
     policy = policy_of(history.learnt, plan.limits.rr_depth, not parameters.retrace_history)
-    candidates = initial(scope, now.hit, spp, policy, parameters.mutates)
+    candidates = initial(scope, now.hit, spp, policy, plan.form)
     reservoirs, refused = candidates.reservoirs, candidates.refused
     direct = now.emitted + refused.color
     beside = Beside(

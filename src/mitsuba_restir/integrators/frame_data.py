@@ -17,6 +17,7 @@ from ..passes.temporal import Previous
 from ..paths.camera import eye_of
 from ..paths.grid import grid_of
 from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hits
+from ..paths.record import Form
 from ..paths.reshaped import drop_reshaped
 from ..paths.settings import PathLimits
 from ..resampling.reservoir import Reservoir, empty_reservoir
@@ -161,6 +162,8 @@ class Plan:
     parameters : Parameters
     limits : PathLimits
     mapping : ShiftMapping
+    form : Form
+        Of records.
     width, height : int
         Size of the crop window [pixels].
     """
@@ -168,6 +171,7 @@ class Plan:
     parameters: Parameters
     limits: PathLimits
     mapping: ShiftMapping
+    form: Form
     width: int
     height: int
 
@@ -197,12 +201,13 @@ class Plan:
         )
 
 
-def no_history(scene: mi.Scene, sensor: mi.Sensor, pixels: int, parameters: Parameters) -> History:
+def no_history(scene: mi.Scene, sensor: mi.Sensor, plan: Plan) -> History:
     """A history without paths, with the structure that later frames have."""
+    parameters, pixels = plan.parameters, plan.width * plan.height
     index = dr.zeros(mi.UInt32, pixels)
     history = History(
-        dr.gather(Reservoir, empty_reservoir(parameters.mutates), index),
-        no_primary_hits(pixels, eye_of(sensor)),
+        dr.gather(Reservoir, empty_reservoir(plan.form), index),
+        no_primary_hits(pixels, eye_of(sensor), plan.form.compact),
         dr.gather(ColorHistory, no_color_history(), index) if parameters.selects else None,
         nothing_learnt(scene, parameters.guiding, parameters.roulette == "contribution"),
     )

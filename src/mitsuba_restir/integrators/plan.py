@@ -9,6 +9,8 @@ import mitsuba as mi
 
 from ..passes.primary import SkipEmitters, primary
 from ..paths.grid import grid_of
+from ..paths.packing import fits_compact
+from ..paths.record import Form
 from ..paths.settings import PathLimits
 from ..sampling.dither import Dither, mask_texture
 from ..sampling.masks import load_mask
@@ -27,7 +29,8 @@ def plan_of(parameters: Parameters, scene: mi.Scene, width: int, height: int) ->
     limits = PathLimits(parameters.longest, parameters.rr_depth)
     mapping = shift_mapping(parameters.shift, _criterion(parameters.connectability, scene))
     mapping = replace(mapping, hides_sky=parameters.hide_emitters)
-    return Plan(parameters, limits, mapping, width, height)
+    form = Form(parameters.mutates, fits_compact(scene))
+    return Plan(parameters, limits, mapping, form, width, height)
 
 
 def dither_of(parameters: Parameters) -> Dither | None:
@@ -45,13 +48,14 @@ def setting_of(
     key: FrameKey,
     dither: Dither | None,
     skip_emitters: SkipEmitters | None,
+    form: Form,
 ) -> Setting:
     """What the stages of a frame are given; its camera rays are traced here.
 
     They stay outside what is recorded: not every sensor of Mitsuba 3.9 exposes all of its state.
     """
     grid = grid_of(*sensor.film().crop_size())
-    now = primary(scene, sensor, grid, key, skip_emitters)
+    now = primary(scene, sensor, grid, key, skip_emitters, form.compact)
     dr.eval(now)
     return Setting(scene, sensor if mi.is_spectral else None, now, key, dither)
 

@@ -40,7 +40,7 @@ from ..paths.scattering import (
     sample_light,
 )
 from ..paths.spectrum import response
-from ..paths.vertex import Vertex, connected, exists
+from ..paths.vertex import Stored, connection, exists
 from ..shifts.connectability import depart
 from ..shifts.ending import Ends, ending, own_factor
 from ..shifts.scope import Scope
@@ -58,7 +58,7 @@ class Landing:
     Fields: ``vertex``, ``si`` (invalid for the environment), ``ray`` (from the pivot to it).
     """
 
-    vertex: Vertex
+    vertex: Stored
     si: mi.SurfaceInteraction3f
     ray: mi.Ray3f
 
@@ -105,13 +105,13 @@ def at_vertex(
 
     # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
 
-    ray_n, pi_n, reached = connected(si_k, following.vertex)
+    ray_n, distance_n, reached = connection(si_k, pivot.next_si.p)
     si_n = mi.SurfaceInteraction3f(pivot.next_si)
     si_n.wi = pivot.next_si.to_local(-ray_n.d)
     wo = dr.select(nee, light.d, dr.select(ahead, ray_n.d, path.wo))
     value_k, pdf_k = evaluate(si_k, bsdf_k, wo, onward)
     value_n, pdf_n = evaluate(si_n, si_n.bsdf(), following.wo, ahead & far)
-    geometry = dr.abs(dr.dot(si_n.n, ray_n.d)) / dr.square(pi_n.t)
+    geometry = dr.abs(dr.dot(si_n.n, ray_n.d)) / dr.square(distance_n)
 
     # The pair before the pivot must stay unconnectable with the new direction, and x_k connectable.
     defined = active & ~(pdf <= pivot.arrival.limit) & (~ahead | reached)
@@ -151,14 +151,14 @@ def at_vertex(
 
     # ------------------------------ visibility --------------------------------------------------
 
-    end = dr.select(ahead, following.vertex.p, light.p)
+    end = dr.select(ahead, pivot.next_si.p, light.p)
     shadow = dr.select(
         by_numbers,
         pivot.si.spawn_ray_to(end),
         dr.select(hit & ~ahead, si_k.spawn_ray(wo), si_k.spawn_ray_to(end)),
     )
     color = dr.select(defined & (density > 0), color, 0)
-    state = State(moved, color, density, direction, pdf, si_k.n)
+    state = State(moved, color, density, direction, pdf, si_k.p, si_k.n)
     return state, shadow, onward | (active & by_numbers)
 
 

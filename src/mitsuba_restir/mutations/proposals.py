@@ -15,7 +15,7 @@ import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Kind, PathRecord, kind_of
-from ..paths.vertex import compact, connected
+from ..paths.vertex import Spot, connected, stored
 from ..resampling.reservoir import Reservoir
 from ..sampling.streams import Stream, uniform2
 from ..shifts.scope import Scope
@@ -41,8 +41,8 @@ class MoveReconnectionVertex:
         """See :class:`.kind.Mutation`; the first state is the path itself, with its colour."""
         path = reservoirs.path
         pivot = pivot_of(scope, path, hits, (reservoirs.weight > 0) & movable(path))
-        ray, pi, _ = connected(pivot.si, path.vertex)
-        si = pi.compute_surface_interaction(ray, active=pivot.valid)
+        seen, _ = connected(pivot.si, path.vertex, pivot.valid)
+        ray, si = seen.ray, seen.si
         # A path to the environment has no vertex; its direction is stored.
         ray.d = dr.select(kind_of(path) == Kind.ENVIRONMENT, path.wo, ray.d)
         si.wi = dr.select(si.is_valid(), si.wi, -ray.d)
@@ -96,7 +96,8 @@ def landed(
     pi = scope.scene.ray_intersect_preliminary(ray, coherent=False, active=aimed)
     si = pi.compute_surface_interaction(ray, active=aimed)
     lands = active & (by_numbers | (si.is_valid() ^ to_environment))
-    return at_vertex(scope, pivot, path, Landing(compact(pi, si.p), si, ray), lands)
+    vertex = stored(pi, si.p, isinstance(path.vertex, Spot))
+    return at_vertex(scope, pivot, path, Landing(vertex, si, ray), lands)
 
 
 def perturbed(direction: mi.Vector3f, pdf: mi.Float, u: mi.Point2f, step: float) -> mi.Vector3f:

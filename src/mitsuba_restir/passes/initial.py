@@ -16,7 +16,7 @@ from ..guiding.policy import Policy
 from ..guiding.roulette import Leaving, no_outlook
 from ..guiding.steering import empty_ledger
 from ..paths.primary_hit import PrimaryHit
-from ..paths.record import Continuation
+from ..paths.record import Form, form_of
 from ..paths.scattering import (
     balance,
     can_connect,
@@ -27,7 +27,7 @@ from ..paths.scattering import (
     sample_light,
 )
 from ..paths.spectrum import response, target
-from ..paths.vertex import compact, exists
+from ..paths.vertex import exists, stored
 from ..resampling.reservoir import (
     Refused,
     Reservoir,
@@ -63,7 +63,7 @@ class Candidates:
 
 
 def initial(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, continued: bool
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, form: Form
 ) -> Candidates:
     """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
 
@@ -75,11 +75,11 @@ def initial(
         Number of trees (opaque).
     policy : Policy
         How the trees grow.
-    continued : bool
-        Whether records carry the continuation that mutations need.
+    form : Form
+        Of the records.
     """
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
-    streaming, refused, covered, cut = _trees(scope, hit, spp, policy, continued)
+    streaming, refused, covered, cut = _trees(scope, hit, spp, policy, form)
     reservoir = finalize(streaming, mi.Float(spp), confidence)
     lost = ~is_sound(reservoir.weight, streaming.total)
     shown = streaming.color * (streaming.total / target(streaming.color))
@@ -91,9 +91,9 @@ def initial(
 
 @dr.syntax
 def _trees(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, continued: bool
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, form: Form
 ) -> tuple[Streaming, Refused, mi.Float, mi.Bool]:
-    streaming, refused = empty_streaming(continued), none_refused()
+    streaming, refused = empty_streaming(form), none_refused()
     covered, cut = mi.Float(0), mi.Bool(False)
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
@@ -120,6 +120,7 @@ def _tree(
     Also returned: whether it scatters, and the edges of its longest path.
     """
     scene, mapping, limits = scope.scene, scope.mapping, scope.limits
+    form = form_of(streaming.path)
     stream = scope.stream(name)
     choices = FrameKey(name.sample, name.seed).stream(Purpose.INITIAL, name.pixel)
     lambdas, response_weight = scope.wavelengths(stream)
@@ -135,16 +136,16 @@ def _tree(
     scattered = head.scattered  # whether any bounce was by more than a null lobe
     survival = mi.Float(1)  # probability of having survived roulette
     eta = mi.Float(1)  # index of refraction relative to the camera
-    anchor = no_anchor(isinstance(streaming.path.next, Continuation))
+    anchor = no_anchor(form)
     outlook = no_outlook()  # what the path may still find
     ledger = empty_ledger()  # what the choice of directions divides a candidate's weight by
 
-    while dr.hint(active, exclude=[scope, limits, mapping, policy], label="Initial candidates"):
+    while dr.hint(active, exclude=[scope, limits, mapping, policy, form], label="Candidates"):
         si = pi.compute_surface_interaction(ray)
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active & si.is_valid())
         arrival = mapping.link(start, ray, si, limit, j, hit.footprint)
-        place = Place(name, stream, anchor, arrival, compact(pi, si.p), j)
+        place = Place(name, stream, anchor, arrival, stored(pi, si.p, form.compact), j)
         anchored = anchor.k != 0
 
         # -------------------------- light found by the last bounce ------------------------------

@@ -29,6 +29,7 @@ def primary(
     grid: Grid,
     key: FrameKey,
     skip_emitters: SkipEmitters | None,
+    small: bool,
 ) -> Primary:
     """Trace the camera rays of a frame.
 
@@ -36,6 +37,8 @@ def primary(
     ----------
     skip_emitters : callable or None
         Hides directly visible lights; None shows them.
+    small : bool
+        Whether the scene is a compact one.
     """
     pixel = grid.pixels()
     choices = key.stream(Purpose.PRIMARY, pixel)
@@ -62,7 +65,7 @@ def primary(
     if skip_emitters is None:
         emitted = weight * si.emitter(scene).eval(si)
     facing = pack_facing(si.sh_frame.n, pixel_footprint(ray.o, si))
-    hit = PrimaryHit(compact(pi, si.p), facing, eye_of(sensor) or mi.Point3f(ray.o))
+    hit = PrimaryHit(compact(pi, si.p, small), facing, eye_of(sensor) or mi.Point3f(ray.o))
     return Primary(
         hit,
         response(emitted, ray.wavelengths),

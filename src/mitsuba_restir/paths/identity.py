@@ -19,7 +19,7 @@ def identity(path: PathRecord) -> mi.UInt32:
     mutation moves: the reconnection vertex, the direction to the environment, or the numbers that
     sampled the light. Factors that depend on the pixel do not count.
     """
-    moved = [dr.reinterpret_array(mi.UInt32, x) for x in (*path.vertex.p, *path.leaving)]
+    moved = [dr.reinterpret_array(mi.UInt32, x) for x in (*path.vertex.place, *path.leaving)]
     a, b = mi.UInt32(path.name.pixel), mi.UInt32(path.name.sample)
     for word in (path.name.seed, path.info, *moved):
         a, b = mi.sample_tea_32(a ^ word, b)

@@ -13,7 +13,7 @@ import mitsuba as mi
 
 from .packing import number_of, pack_facing
 from .primary_hit import PrimaryHit
-from .vertex import Vertex
+from .vertex import Stored
 
 
 @dataclass
@@ -66,13 +66,13 @@ def _turned(v: mi.Vector3f, axis: mi.Vector3f, angle: mi.Float) -> mi.Vector3f:
     return v + 2 * dr.cross(axis, dr.cross(axis, v) + angle * v)
 
 
-def shape_number(vertex: Vertex) -> mi.UInt32:
+def shape_number(vertex: Stored) -> mi.UInt32:
     """Number of the shape that places a vertex in the world: of an instanced one, the instance."""
     instance = number_of(vertex.instance)
     return dr.select(instance != 0, instance, number_of(vertex.shape))
 
 
-def move_of(moves: Moves, vertex: Vertex) -> Move:
+def move_of(moves: Moves, vertex: Stored) -> Move:
     """How the surface of each vertex has moved."""
     number = shape_number(vertex)
     known = number < moves.size

@@ -30,6 +30,43 @@ LOWEST_EXPONENT = 7
 """Exponent of the least radiance, as single precision stores it: less is rounded to 0 or to it."""
 
 
+ON_MESH = 1 << 31
+"""Bit of a compact surface: it is a mesh, so that coordinates say where a point of it is."""
+
+SMALL_BITS = 20
+"""Bits of the primitive of a compact surface; its shape's number has the 11 others."""
+
+
+def fits_compact(scene: mi.Scene) -> bool:
+    """Whether the surfaces of a scene, and where points of them are, fit into four words.
+
+    So they do without instances, where shapes have small numbers and not too many primitives, and
+    are meshes or shapes that need no coordinates beside a position.
+    """
+    shapes = scene.shapes()
+    if any(not shape.is_mesh() and shape.class_name() not in BY_POSITION for shape in shapes):
+        return False
+    if any(shape.primitive_count() > 1 << SMALL_BITS for shape in shapes):
+        return False
+    return not shapes or int(dr.max(number_of(mi.ShapePtr(shapes)))[0]) < 1 << (31 - SMALL_BITS)
+
+
+BY_POSITION = ("Sphere", "Cylinder")
+"""Classes of shapes whose interactions follow from a position alone."""
+
+
+def pack_compact(pi: mi.PreliminaryIntersection3f) -> mi.UInt32:
+    """The primitive that an intersection is on, in one word; 0 where it is on none."""
+    shape = number_of(pi.shape)
+    return dr.select(shape != 0, (shape << SMALL_BITS) | pi.prim_index, 0)
+
+
+def unpack_compact(surface: mi.UInt32) -> tuple[mi.ShapePtr, mi.UInt32]:
+    """Shape and index of the primitive, whether it is said to be a mesh or not."""
+    number = (surface & ~mi.UInt32(ON_MESH)) >> SMALL_BITS
+    return shape_of(number), surface & ((1 << SMALL_BITS) - 1)
+
+
 def pack_surface(pi: mi.PreliminaryIntersection3f) -> tuple[mi.UInt32, mi.UInt32]:
     """The primitive that an intersection is on, in two words; the first is 0 where it is on none.
 

@@ -14,7 +14,9 @@ from .vertex import Vertex, no_vertex, seen_from
 
 @dataclass
 class PrimaryHit:
-    """G-buffer entry (32 bytes a pixel, and 12 more where camera rays have no common origin).
+    """G-buffer entry: 28 bytes a pixel in compact scenes, 32 in others.
+
+    Where camera rays have no common origin it has 12 more.
 
     Fields: ``vertex`` (x_1; on no surface where the camera ray escapes), ``facing`` (the word of
     :func:`.packing.pack_facing`), ``start`` (where rays come from: one for all, or each its own).
@@ -65,11 +67,17 @@ class Primary:
     lens: mi.Point2f
 
 
-def no_primary_hits(pixels: int, eye: Eye | None) -> PrimaryHit:
-    """Primary hits that hit nothing, of rays from one eye if there is one."""
+def no_primary_hits(pixels: int, eye: Eye | None, small: bool) -> PrimaryHit:
+    """Primary hits that hit nothing, of rays from one eye if there is one.
+
+    Parameters
+    ----------
+    small : bool
+        Whether the scene is a compact one.
+    """
     start = dr.zeros(mi.Point3f, pixels) if eye is None else eye
     nothing = dr.full(mi.UInt32, 0, pixels)
-    return PrimaryHit(dr.gather(Vertex, no_vertex(), nothing), nothing, start)
+    return PrimaryHit(dr.gather(Vertex, no_vertex(small), nothing), nothing, start)
 
 
 def camera_ray(

@@ -15,7 +15,7 @@ import mitsuba as mi
 from ..sampling.codes import Codes
 from ..sampling.streams import ROUNDING, PathName, Stream
 from .packing import no_radiance, unpack_direction, unpack_radiance
-from .vertex import Vertex, no_vertex
+from .vertex import Absent, Spot, Stored, nowhere
 
 
 class Kind(Codes):
@@ -35,14 +35,18 @@ MAX_EDGES = 0xFFF
 """Longest path that a record can describe (12 bits)."""
 
 
-@dataclass
-class Absent:
-    """Stands for a part that records do not need."""
+@dataclass(frozen=True)
+class Form:
+    """What records have: ``continued`` (a :class:`Continuation`), ``compact`` (small vertices)."""
+
+    continued: bool
+    compact: bool
 
 
 @dataclass
 class Continuation:
-    """What follows the reconnection vertex, kept so that x_k can be moved (44 bytes a path).
+    """What follows the reconnection vertex, kept so that x_k can be moved (32 bytes a path in
+    compact scenes, 44 in others).
 
     Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path),
     ``leaving`` (packed direction leaving it), ``arriving`` (packed radiance) and ``light_pdf`` (the
@@ -50,7 +54,7 @@ class Continuation:
     record's ``info``).
     """
 
-    vertex: Vertex
+    vertex: Stored
     leaving: mi.Point2f
     arriving: Any
     light_pdf: mi.Float
@@ -84,7 +88,7 @@ class PathRecord:
 
     name: PathName
     info: mi.UInt32
-    vertex: Vertex
+    vertex: Stored
     leaving: mi.Point2f
     arriving: Any
     light_pdf: mi.Float
@@ -102,22 +106,27 @@ class PathRecord:
         return unpack_direction(self.leaving)
 
 
-def no_continuation() -> Continuation:
+def form_of(record: PathRecord) -> Form:
+    """The form of a record."""
+    return Form(isinstance(record.next, Continuation), isinstance(record.vertex, Spot))
+
+
+def no_continuation(form: Form) -> Continuation:
     """A continuation that leads nowhere."""
-    return Continuation(no_vertex(), dr.zeros(mi.Point2f), no_radiance(), mi.Float(0))
+    return Continuation(nowhere(form.compact), dr.zeros(mi.Point2f), no_radiance(), mi.Float(0))
 
 
-def empty_record(continued: bool) -> PathRecord:
-    """The record of no path (``Kind.EMPTY``), with room for a continuation if ``continued``."""
+def empty_record(form: Form) -> PathRecord:
+    """The record of no path (``Kind.EMPTY``)."""
     return PathRecord(
         PathName(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)),
         mi.UInt32(0),
-        no_vertex(),
+        nowhere(form.compact),
         dr.zeros(mi.Point2f),
         no_radiance(),
         mi.Float(0),
         mi.Float(0),
-        no_continuation() if continued else Absent(),
+        no_continuation(form) if form.continued else Absent(),
     )
 
 

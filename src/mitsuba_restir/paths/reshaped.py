@@ -15,7 +15,7 @@ import mitsuba as mi
 from .packing import number_of
 from .primary_hit import PrimaryHit
 from .record import Continuation, PathRecord
-from .vertex import Vertex, exists, no_vertex
+from .vertex import Absent, Stored, exists, no_vertex
 
 
 def drop_reshaped(
@@ -50,7 +50,7 @@ def drop_reshaped(
     dr.eval(table)
     instances_too = dr.opaque(mi.Bool, instanced)
 
-    def gone(vertex: Vertex) -> mi.Bool:
+    def gone(vertex: Stored) -> mi.Bool:
         number = number_of(vertex.shape)
         named = dr.gather(mi.UInt32, table, number, number < size) != 0
         return named | (instances_too & (vertex.instance != None))  # noqa: E711  (element-wise)
@@ -59,4 +59,5 @@ def drop_reshaped(
     if isinstance(path.next, Continuation):
         lost |= gone(path.next.vertex)
     lost &= exists(hits.vertex)
-    return replace(hits, vertex=dr.select(lost, no_vertex(), hits.vertex)), lost
+    none = no_vertex(isinstance(hits.vertex.primitive, Absent))
+    return replace(hits, vertex=dr.select(lost, none, hits.vertex)), lost

@@ -9,9 +9,9 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.packing import keep_radiance, pack_direction
-from ..paths.record import Absent, Continuation, Kind, PathRecord, pack_info, rounding
+from ..paths.record import Continuation, Form, Kind, PathRecord, pack_info, rounding
 from ..paths.scattering import LightSample, Scattered, balance
-from ..paths.vertex import Vertex, no_vertex
+from ..paths.vertex import Absent, Spot, Stored, nowhere
 from ..sampling.streams import PathName, Stream
 from .connectability import Departure, Link
 
@@ -24,7 +24,7 @@ class Follower:
     ``suffix`` (throughput of the bounces after x_{k+1}'s own).
     """
 
-    vertex: Vertex
+    vertex: Stored
     wo: mi.Vector3f
     delta: mi.Bool
     suffix: mi.Spectrum
@@ -40,7 +40,7 @@ class Anchor:
     """
 
     k: mi.UInt32
-    vertex: Vertex
+    vertex: Stored
     wo: mi.Vector3f
     factor: mi.Float
     suffix: mi.Spectrum
@@ -59,20 +59,21 @@ class Place:
     stream: Stream
     anchor: Anchor
     arrival: Link
-    vertex: Vertex
+    vertex: Stored
     index: mi.UInt32
 
 
-def no_anchor(continued: bool) -> Anchor:
-    """The anchor of a path without a reconnection vertex; ``continued``: as records are."""
-    nowhere = Follower(no_vertex(), dr.zeros(mi.Vector3f), mi.Bool(False), mi.Spectrum(1))
+def no_anchor(form: Form) -> Anchor:
+    """The anchor of a path without a reconnection vertex."""
+    none = nowhere(form.compact)
+    nothing = Follower(none, dr.zeros(mi.Vector3f), mi.Bool(False), mi.Spectrum(1))
     return Anchor(
         mi.UInt32(0),
-        no_vertex(),
+        none,
         dr.zeros(mi.Vector3f),
         mi.Float(1),
         mi.Spectrum(1),
-        nowhere if continued else Absent(),
+        nothing if form.continued else Absent(),
     )
 
 
@@ -99,7 +100,7 @@ def onward(place: Place, bounce: Scattered) -> Anchor:
 class Ahead:
     """What a continuation is to hold: ``vertex`` x_{k+1}, ``wo`` leaving it, ``radiance`` there."""
 
-    vertex: Vertex
+    vertex: Stored
     wo: mi.Vector3f
     radiance: mi.Spectrum
 
@@ -157,7 +158,7 @@ def record_hit(
         Whether x_j exists; otherwise the light is the environment.
     """
     anchor, arrival, here, j = place.anchor, place.arrival, place.vertex, place.index
-    anchored = anchor.k != 0
+    anchored, none = anchor.k != 0, nowhere(isinstance(here, Spot))
     from_anchor = anchored & (anchor.k + 1 == j)
     to_light = ~anchored & arrival.reaches
     mis = balance(start.pdf, light_pdf)
@@ -177,7 +178,7 @@ def record_hit(
         found = dr.select(second, mi.UInt32(Kind.HIT), Kind.FAR)
         next_kind = dr.select(anchored & ~from_anchor & ~anchor.next.delta, found, next_kind)
         ahead = Ahead(
-            dr.select(from_anchor, dr.select(on_surface, here, no_vertex()), anchor.next.vertex),
+            dr.select(from_anchor, dr.select(on_surface, here, none), anchor.next.vertex),
             anchor.next.wo,
             dr.select(second, radiance, anchor.next.suffix * radiance * mis),
         )
@@ -189,7 +190,7 @@ def record_hit(
     return PathRecord(
         place.name,
         info,
-        dr.select(anchored, anchor.vertex, dr.select(to_light & on_surface, here, no_vertex())),
+        dr.select(anchored, anchor.vertex, dr.select(to_light & on_surface, here, none)),
         pack_direction(dr.select(anchored, anchor.wo, direction)),
         kept.arriving,
         light_pdf,
@@ -220,7 +221,7 @@ def record_nee(
         Density of the light sample [1/sr]; 0 where only that technique can find the light.
     """
     anchor, arrival, here, j = place.anchor, place.arrival, place.vertex, place.index
-    anchored = anchor.k != 0
+    anchored, none = anchor.k != 0, nowhere(isinstance(here, Spot))
     from_here = ~anchored & (pdf <= arrival.limit)
     kind = dr.select(
         anchored,
@@ -252,7 +253,7 @@ def record_nee(
     return PathRecord(
         place.name,
         info,
-        dr.select(anchored, anchor.vertex, dr.select(from_here, here, no_vertex())),
+        dr.select(anchored, anchor.vertex, dr.select(from_here, here, none)),
         dr.select(anchored | from_here, leaving, numbers),
         kept.arriving,
         light_pdf,
