@@ -29,7 +29,7 @@ def plan_of(parameters: Parameters, scene: mi.Scene, width: int, height: int) ->
     limits = PathLimits(parameters.longest, parameters.rr_depth)
     mapping = shift_mapping(parameters.shift, _criterion(parameters.connectability, scene))
     mapping = replace(mapping, hides_sky=parameters.hide_emitters)
-    form = Form(parameters.mutates, fits_compact(scene))
+    form = Form(parameters.mutates, fits_compact(scene), parameters.blue_noise_seeds)
     return Plan(parameters, limits, mapping, form, width, height)
 
 

@@ -97,8 +97,9 @@ def _trees(
     covered, cut = mi.Float(0), mi.Bool(False)
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
-    while dr.hint(tree < spp, exclude=[scope, policy], label="Path trees"):
+    while dr.hint(tree < spp, exclude=[scope, policy, form], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
+        name = name if form.seeded else name.short()
         streaming, refused, scattered, length = _tree(scope, hit, name, policy, streaming, refused)
         covered += dr.select(scattered, mi.Float(1), 0)
         cut |= length == scope.limits.max_depth
@@ -122,7 +123,7 @@ def _tree(
     scene, mapping, limits = scope.scene, scope.mapping, scope.limits
     form = form_of(streaming.path)
     stream = scope.stream(name)
-    choices = FrameKey(name.sample, name.seed).stream(Purpose.INITIAL, name.pixel)
+    choices = FrameKey(name.sample, scope.key.seed).stream(Purpose.INITIAL, name.pixel)
     lambdas, response_weight = scope.wavelengths(stream)
     head = at_primary(hit, lambdas, response_weight)
     active = exists(hit.vertex) & (limits.max_depth > 0)

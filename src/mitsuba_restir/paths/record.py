@@ -12,10 +12,11 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.absent import Absent
 from ..sampling.codes import Codes
 from ..sampling.streams import ROUNDING, PathName, Stream
 from .packing import no_radiance, unpack_direction, unpack_radiance
-from .vertex import Absent, Spot, Stored, nowhere
+from .vertex import Spot, Stored, nowhere
 
 
 class Kind(Codes):
@@ -37,10 +38,21 @@ MAX_EDGES = 0xFFF
 
 @dataclass(frozen=True)
 class Form:
-    """What records have: ``continued`` (a :class:`Continuation`), ``compact`` (small vertices)."""
+    """What records have.
+
+    Attributes
+    ----------
+    continued : bool
+        A :class:`Continuation`.
+    compact : bool
+        Small vertices.
+    seeded : bool
+        The seed of their streams by itself, which dithering asks for.
+    """
 
     continued: bool
     compact: bool
+    seeded: bool = False
 
 
 @dataclass
@@ -108,7 +120,11 @@ class PathRecord:
 
 def form_of(record: PathRecord) -> Form:
     """The form of a record."""
-    return Form(isinstance(record.next, Continuation), isinstance(record.vertex, Spot))
+    return Form(
+        isinstance(record.next, Continuation),
+        isinstance(record.vertex, Spot),
+        not isinstance(record.name.seed, Absent),
+    )
 
 
 def no_continuation(form: Form) -> Continuation:
@@ -119,7 +135,7 @@ def no_continuation(form: Form) -> Continuation:
 def empty_record(form: Form) -> PathRecord:
     """The record of no path (``Kind.EMPTY``)."""
     return PathRecord(
-        PathName(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)),
+        PathName(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0) if form.seeded else Absent()),
         mi.UInt32(0),
         nowhere(form.compact),
         dr.zeros(mi.Point2f),

@@ -12,10 +12,11 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.absent import Absent
 from .packing import number_of
 from .primary_hit import PrimaryHit
 from .record import Continuation, PathRecord
-from .vertex import Absent, Stored, exists, no_vertex
+from .vertex import Stored, exists, no_vertex
 
 
 def drop_reshaped(

@@ -13,12 +13,8 @@ from typing import TypeAlias
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.absent import Absent
 from .packing import ON_MESH, pack_compact, pack_surface, unpack_compact, unpack_surface
-
-
-@dataclass
-class Absent:
-    """Stands for a part that is not needed."""
 
 
 @dataclass

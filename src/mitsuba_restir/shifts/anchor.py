@@ -11,7 +11,8 @@ import mitsuba as mi
 from ..paths.packing import keep_radiance, pack_direction
 from ..paths.record import Continuation, Form, Kind, PathRecord, pack_info, rounding
 from ..paths.scattering import LightSample, Scattered, balance
-from ..paths.vertex import Absent, Spot, Stored, nowhere
+from ..paths.vertex import Spot, Stored, nowhere
+from ..sampling.absent import Absent
 from ..sampling.streams import PathName, Stream
 from .connectability import Departure, Link
 
