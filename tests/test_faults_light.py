@@ -28,6 +28,7 @@ from zoo import _texture as texture
 
 from mitsuba_restir.neighbors.color_history import DOUBTED, ColorHistory, clamped, remember
 from mitsuba_restir.paths.grid import grid_of
+from mitsuba_restir.paths.record import Form
 from mitsuba_restir.resampling.mis import canonical_share, share
 from mitsuba_restir.resampling.reservoir import empty_streaming, finalize, fits, is_sound, offer
 
@@ -43,7 +44,7 @@ SHIFTS = {
     "replay": {"shift": "random_replay"},
 }
 
-ON_THE_SURFACE = (Mutation("si.spawn_ray_to(vertex.p).o", "si.p"),)
+ON_THE_SURFACE = (Mutation("si.spawn_ray_to(p).o", "si.p"),)
 """A reconnection that starts where no traced ray does."""
 
 
@@ -198,7 +199,7 @@ def test_brightness_is_a_factor(rgb, mode):
 def test_reservoirs_refuse_what_is_not_finite(rgb, weight):
     """An infinite weight, none at all, and one whose sum with the others is infinite."""
     one = dr.full(mi.UInt32, 1, 1)
-    before = empty_streaming(False)
+    before = empty_streaming(Form(False, False))
     before = offer(before, before.path, mi.Color3f(2), mi.Float(2e38), mi.Float(0.5), one == 1)
     assert fits(before, mi.Float(1e38))[0]
     assert not fits(before, mi.Float(weight))[0]
@@ -208,7 +209,7 @@ def test_reservoirs_refuse_what_is_not_finite(rgb, weight):
 
 
 def test_a_weight_that_overflows_is_not_sound(rgb):
-    streaming = empty_streaming(False)
+    streaming = empty_streaming(Form(False, False))
     assert is_sound(streaming.total, streaming.total)[0]
     for color, sound in ((1.0, True), (1e-36, False)):
         streaming.total, streaming.color = mi.Float(1e10), mi.Color3f(color)

@@ -22,7 +22,7 @@ from scipy import stats
 from support.modes import Mode
 from support.mutants import Mutation, apply
 from support.runs import integrator
-from support.scopes import mutate, mutation_plan, scope_of
+from support.scopes import mutate, mutation_plan, point_of, scope_of
 
 from mitsuba_restir.paths.primary_hit import PrimaryHit
 from mitsuba_restir.paths.record import (
@@ -188,10 +188,10 @@ def first_of(chain: Chain) -> tuple[mi.Scene, Any, Reservoir, PrimaryHit]:
         if chain.kind == Kind.FAR:
             fits &= next_kind_of(path) == chain.next_kind
             # The next vertex is on the floor, not on the ceiling's other side or edge.
-            fits &= dr.abs(path.next.vertex.p.z) < 1e-3
+            fits &= dr.abs(point_of(path.next.vertex).z) < 1e-3
         if chain.low < CEILING:
             # Neither half of the ceiling hides the other from there.
-            fits &= path.next.vertex.p.x < 0
+            fits &= point_of(path.next.vertex).x < 0
         found = np.flatnonzero(np.array(fits & (reservoirs.weight > 0)))
         if len(found):
             lane = dr.full(mi.UInt32, int(found[0]), LANES)
@@ -199,7 +199,7 @@ def first_of(chain: Chain) -> tuple[mi.Scene, Any, Reservoir, PrimaryHit]:
                 scene,
                 renderer,
                 dr.gather(Reservoir, reservoirs, lane),
-                dr.gather(PrimaryHit, hits, lane),
+                hits.at(lane),
             )
     raise AssertionError("no path fits")
 
@@ -213,13 +213,13 @@ def p_value(chain: Chain) -> float:
     after, mutated = mutate(scope, start, hits, plan)
     assert float(dr.mean(mi.Float(mutated.accepted))[0]) > 0.1 * STEPS
     path = {
-        "vertex": np.array(start.path.vertex.p)[:, 0].astype(float),
+        "vertex": np.array(point_of(start.path.vertex))[:, 0].astype(float),
         "wo": np.array(start.path.wo)[:, 0].astype(float),
-        "next": np.array(start.path.next.vertex.p)[:, 0].astype(float),
+        "next": np.array(point_of(start.path.next.vertex))[:, 0].astype(float),
     }
-    ends = np.array(after.path.vertex.p).T
+    ends = np.array(point_of(after.path.vertex)).T
     if chain.kind == Kind.REPLAY_NEE:
-        numbers = mi.Point2f(after.path.wo.x, after.path.wo.y)
+        numbers = after.path.leaving
         reference = dr.zeros(mi.Interaction3f)
         reference.p = hits.vertex.p
         ends = np.array(scene.sample_emitter_direction(reference, numbers, False)[0].p).T

@@ -62,8 +62,8 @@ def test_only_the_set_is_mutated(rgb):
 
 def _arrays(reservoirs: Any) -> list[np.ndarray]:
     path = reservoirs.path
-    fields = [path.name.pixel, path.info, path.vertex.p, path.vertex.index, path.next.wo]
-    fields += [path.wo, path.radiance, path.light_pdf, path.factor]
+    fields = [path.name.pixel, path.info, path.vertex.place, path.vertex.surface, path.next.leaving]
+    fields += [path.leaving, path.radiance, path.light_pdf, path.factor]
     fields += [reservoirs.color, reservoirs.weight, reservoirs.confidence]
     return [np.array(field) for field in fields]
 

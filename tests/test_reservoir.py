@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mitsuba_restir.paths.record import empty_record
+from mitsuba_restir.paths.record import Form, empty_record
 from mitsuba_restir.resampling.mis import density, share
 from mitsuba_restir.resampling.reservoir import Streaming, empty_streaming, finalize, offer
 from mitsuba_restir.sampling import streams
 
 LANES = 1 << 17
+FORM = Form(continued=False, compact=True)
 WEIGHTS = (0.5, 0.0, 2.0, 1.0, 0.25, 4.0)
 
 
@@ -24,14 +25,14 @@ def uniform(vertex: int) -> mi.Float:
 
 
 def labelled(label: int):
-    record = empty_record(False)
+    record = empty_record(FORM)
     record.info = mi.UInt32(label)
     return record
 
 
 def streamed(weights, first: int = 0) -> Streaming:
     """Candidates with luminance w and label 0, 1, ..., each offered with its weight w."""
-    reservoir = empty_streaming(False)
+    reservoir = empty_streaming(FORM)
     for i, weight in enumerate(weights):
         reservoir = offer(
             reservoir,
@@ -66,7 +67,7 @@ def test_contribution_weight(rgb):
 def test_merging_equals_streaming(rgb):
     """Two reservoirs merged by their sums select as one that saw all candidates."""
     halves = [streamed(WEIGHTS[:3]), streamed(WEIGHTS[3:], first=3)]
-    merged = empty_streaming(False)
+    merged = empty_streaming(FORM)
     for i, half in enumerate(halves):
         merged = offer(merged, half.path, half.color, half.total, uniform(20 + i), mi.Bool(True))
     observed = np.bincount(np.array(merged.path.info), minlength=len(WEIGHTS))
@@ -93,7 +94,7 @@ def test_inactive_lanes_keep_their_sample(rgb):
 
 
 def test_empty_reservoir_has_no_weight(rgb):
-    assert np.all(np.array(finalize(empty_streaming(False), 1, mi.Float(1)).weight) == 0)
+    assert np.all(np.array(finalize(empty_streaming(FORM), 1, mi.Float(1)).weight) == 0)
 
 
 def test_balance_weights_are_a_partition(rgb):

@@ -67,7 +67,9 @@ def hits_of(*shapes):
             },
         }
     )
-    hits = primary(scene, camera_rays(scene.sensors()[0], grid_of(*SIZE), key(0, 0)), False).hit
+    hits = primary(
+        scene, camera_rays(scene.sensors()[0], grid_of(*SIZE), key(0, 0)), False, False
+    ).hit
     dr.make_opaque(hits)
     return hits, scene
 

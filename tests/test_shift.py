@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from support import references, rooms
+from support.mutants import Mutation, apply
 from support.transport import candidates, neighbour, recorded_shift
 
 from mitsuba_restir.paths.primary_hit import PrimaryHit, camera_ray
@@ -19,7 +20,7 @@ from mitsuba_restir.paths.record import (
     reconnection_index,
     with_factor,
 )
-from mitsuba_restir.paths.vertex import exists, seen_from
+from mitsuba_restir.paths.vertex import exists, sight
 from mitsuba_restir.resampling.reservoir import Reservoir
 from mitsuba_restir.shifts.hybrid import Shifted
 from mitsuba_restir.shifts.mapping import Outcome
@@ -90,7 +91,7 @@ def test_identity_and_round_trip(rgb, name, kind):
         boundary += (there & ~replayed & ~kept).sum()
 
         other, inside = neighbour(scene, (3, 2))
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         path = dr.gather(PathRecord, r.path, other, inside)
         start = dr.gather(Shifted, own, other, inside)
         forth = shift(scene, path, hits, inside & (start.outcome == Outcome.OK))
@@ -117,6 +118,26 @@ def test_identity_and_round_trip(rgb, name, kind):
     assert lost + wrong <= 3 + 1e-5 * shifted
     assert median < 2e-6
     assert rare < 1e-4
+
+
+@pytest.mark.parametrize(
+    "late",
+    [
+        # F of a candidate is computed from radiance as it was before the record was rounded.
+        Mutation("dr.select(used, share * left, 1)", "mi.Spectrum(1)"),
+        # Where the light goes on from x_{k+1} to x_k, only what is kept at x_k counts.
+        Mutation("dr.select(used, share * left, 1)", "dr.select(used, left, 1)"),
+    ],
+)
+def test_radiance_that_is_rounded_too_late_is_seen(rgb, monkeypatch, late):
+    """A path then has another F in its own pixel than its candidate had."""
+    apply(monkeypatch, (late,))
+    errors = []
+    for scene, shift, _, r, hits in frames("room", 4, mutations=1, mutation_interval=64):
+        own = shift(scene, r.path, hits, r.weight > 0)
+        fine = np.array((own.outcome == Outcome.OK) & (kind_of(r.path) == Kind.FAR))
+        errors.append(relative(own.color, r.color)[fine])
+    assert np.median(np.concatenate(errors)) > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -190,13 +211,13 @@ def test_jacobian_agrees_with_finite_differences(rgb):
     for renderer, r, hits in itertools.islice(candidates(5, scene), 8):
         other, inside = neighbour(scene, (6, 5))
         theirs = dr.gather(Reservoir, r, other, inside)
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         recorded = recorded or recorded_shift(renderer)
         own = recorded(scene, r.path, hits, r.weight > 0)
         start = dr.gather(mi.Float, own.factor, other, inside)
         moved = recorded(scene, theirs.path, hits, inside & (theirs.weight > 0))
-        ray, pi = seen_from(theirs.path.vertex, near.vertex.p, [])
-        si = pi.compute_surface_interaction(ray)
+        seen = sight(theirs.path.vertex, lambda _, p=near.vertex.p: p, [], True)
+        ray, si = seen.ray, seen.si
         use = np.array(
             (moved.outcome == Outcome.OK)
             & (reconnection_index(theirs.path) == 2)
@@ -230,7 +251,7 @@ def test_pairwise_weights_are_a_partition(rgb):
     """
     for scene, shift, _, r, hits in frames("room", 4):
         other, inside = neighbour(scene, (2, 3))
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         path = dr.gather(PathRecord, r.path, other, inside)
         own = shift(scene, r.path, hits, r.weight > 0)
         start = dr.gather(Shifted, own, other, inside)

@@ -86,3 +86,20 @@ def test_a_decision_number_is_never_one(rgb):
         u = streams.uniform(Extreme(mi.UInt32(word), mi.UInt32(word)), 0, 0)
         assert 0 < u[0] < 1
         assert (u * mi.Float(3e-5))[0] < np.float32(3e-5)
+
+
+def test_short_names_are_those_of_the_same_streams(rgb):
+    """And no two running numbers of a seed, nor neighbouring seeds, have one in common."""
+    lane = dr.arange(mi.UInt32, LANES)
+    name = PathName(mi.UInt32(5), lane, mi.UInt32(11))
+    for a, b in zip(
+        streams.uniform2(name.stream(), 1, 0),
+        streams.uniform2(name.short().stream(), 1, 0),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(np.array(a), np.array(b))
+    by_sample = np.array(name.short().sample)
+    by_seed = np.array(PathName(mi.UInt32(5), mi.UInt32(0), lane).short().sample)
+    assert len(np.unique(by_sample)) == LANES
+    # A pair in 2^32, of 2^31 pairs.
+    assert len(np.unique(by_seed)) > LANES - 6

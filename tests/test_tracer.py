@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import zoo
 
+from mitsuba_restir.paths.packing import BY_POSITION, fits_compact
 from mitsuba_restir.paths.scattering import scatter
-from mitsuba_restir.paths.vertex import compact, seen_from
+from mitsuba_restir.paths.vertex import compact, seen_from, sight, stored
 from mitsuba_restir.sampling.streams import PathName
 
 SAMPLES = 24
@@ -28,13 +29,22 @@ def camera_hits(scene: mi.Scene, per_pixel: int = SAMPLES):
     return ray, scene.ray_intersect_preliminary(ray)
 
 
+@pytest.mark.parametrize("kind", ["hit", "record", "compact"])
 @pytest.mark.parametrize("name", ["bsdfs", "emitters", "shapes"])
-def test_rebuilt_vertices_are_what_was_hit(rgb, name):
+def test_rebuilt_vertices_are_what_was_hit(rgb, name, kind):
     scene = mi.load_dict(zoo.SCENES[name]())
+    if kind == "compact" and not fits_compact(scene):
+        pytest.skip("some of its shapes need more")
     ray, pi = camera_hits(scene, 4)
     found = pi.compute_surface_interaction(ray)
-    again, pi_again = seen_from(compact(pi, found.p), ray.o, ray.wavelengths)
-    rebuilt = pi_again.compute_surface_interaction(again)
+    if kind == "hit":
+        again, pi_again = seen_from(compact(pi, found.p, False), ray.o, ray.wavelengths)
+        rebuilt = pi_again.compute_surface_interaction(again)
+    else:
+        vertex = stored(pi, found.p, kind == "compact")
+        rebuilt = sight(vertex, lambda _: ray.o, ray.wavelengths, pi.is_valid()).si
+        turned = dr.norm(rebuilt.to_world(rebuilt.wi) - found.to_world(found.wi))
+        assert float(dr.max(dr.select(pi.is_valid(), turned, 0))[0]) < 1e-3
     valid = np.array(found.is_valid())
     np.testing.assert_array_equal(np.array(rebuilt.is_valid()), valid)
     assert dr.all((rebuilt.shape == found.shape) | ~found.is_valid())
@@ -86,3 +96,39 @@ def test_scattering_weight_is_f_over_p(rgb):
         assert abs(a.mean() - b.mean()) < 5 * error, index
         checked += 1
     assert checked >= len(zoo.bsdfs())
+
+
+def test_points_of_meshes_are_kept_to_the_last_bit(rgb):
+    """Where it is follows from its coordinates, from wherever it is looked at."""
+    scene = mi.load_dict(zoo.SCENES["bsdfs"]())
+    assert fits_compact(scene)
+    ray, pi = camera_hits(scene, 4)
+    found = pi.compute_surface_interaction(ray)
+    vertex = stored(pi, found.p, True)
+    on_mesh = np.array(vertex.on_mesh)
+    assert on_mesh.any()
+    seen = sight(vertex, lambda p: p + mi.Vector3f(3, -2, 1), ray.wavelengths, pi.is_valid())
+    np.testing.assert_array_equal(np.array(seen.p)[:, on_mesh], np.array(found.p)[:, on_mesh])
+    np.testing.assert_array_equal(np.array(seen.si.n)[:, on_mesh], np.array(found.n)[:, on_mesh])
+
+
+@pytest.mark.parametrize("name", BY_POSITION)
+def test_some_shapes_need_no_coordinates(rgb, name):
+    """Their interactions follow from the position alone."""
+    scene = mi.load_dict({"type": "scene", "shape": {"type": name.lower()}})
+    ray = mi.Ray3f(mi.Point3f([0.3, -0.2], [3, 3], [0.1, 0.4]), mi.Vector3f(0, -1, 0))
+    pi = scene.ray_intersect_preliminary(ray)
+    assert dr.all(pi.is_valid())
+    without = mi.PreliminaryIntersection3f(pi)
+    without.prim_uv = mi.Point2f(0.123, 0.456)
+    a, b = (found.compute_surface_interaction(ray) for found in (pi, without))
+    for x, y in ((a.p, b.p), (a.n, b.n), (a.uv, b.uv), (a.dp_du, b.dp_du), (a.wi, b.wi)):
+        np.testing.assert_array_equal(np.array(x), np.array(y))
+
+
+@pytest.mark.parametrize(
+    ("shape", "fits"),
+    [("rectangle", True), ("sphere", True), ("cylinder", True), ("disk", False), ("cube", True)],
+)
+def test_which_scenes_are_compact(rgb, shape, fits):
+    assert fits_compact(mi.load_dict({"type": "scene", "shape": {"type": shape}})) == fits

@@ -14,6 +14,7 @@ from mitsuba_restir.mutations.proposals import MoveReconnectionVertex
 from mitsuba_restir.mutations.surrogate import MoveInPlane
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.primary_hit import PrimaryHit
+from mitsuba_restir.paths.vertex import Stored, sight
 from mitsuba_restir.resampling.reservoir import Reservoir
 from mitsuba_restir.sampling.streams import FrameKey
 from mitsuba_restir.shifts.scope import Scope
@@ -55,6 +56,11 @@ def scope_of(
     ``sensor`` samples wavelengths, where there are any; ``number`` and ``seed`` name the frame.
     """
     return scope_maker(renderer)(scene, sensor, number, seed)
+
+
+def point_of(vertex: Stored) -> mi.Point3f:
+    """Where a record's vertex is, in the scene as it is."""
+    return sight(vertex, lambda p: p + mi.Vector3f(1, 2, 3), dr.zeros(mi.Ray3f).wavelengths, True).p
 
 
 def mutation_plan(

@@ -77,7 +77,7 @@ def _difference(renderer: Any, plan: MutationPlan) -> Any:
         scope = scope_of(scene, number=number, seed=number)
         mutated, _ = mutate(scope, reservoirs, hits, plan)
         dr.eval(mutated)
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         valid = inside & exists(near.vertex)
         return _seen(scope, mutated, near, valid) - _seen(scope, reservoirs, near, valid)
 

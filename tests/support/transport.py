@@ -93,7 +93,7 @@ def _errors(renderer: Any) -> Any:
         inside: Any,
     ) -> Any:
         scope = scope_of(scene, sensor)
-        near = dr.gather(PrimaryHit, hits, other, inside)
+        near = hits.at(other, inside)
         theirs = dr.gather(Reservoir, reservoirs, other, inside)
         valid = inside & exists(hits.vertex) & exists(near.vertex)
         forward = hybrid.shift(scope, theirs.path, hits, valid & (theirs.weight > 0))

@@ -17,7 +17,7 @@ from ..paths.primary_hit import PrimaryHit, camera_ray
 from ..paths.record import Kind, edge_count, kind_of, reconnection_index
 from ..paths.scattering import evaluate
 from ..paths.spectrum import target
-from ..paths.vertex import seen_from
+from ..paths.vertex import exists, sight
 from ..resampling.reservoir import Reservoir
 from .cells import Cells, cell_at
 from .guide import Guide, alpha_at, leaf_of, pdf
@@ -50,16 +50,17 @@ def learn(
     book = Book(cells, nothing_counted(), nothing_paid())
 
     lambdas = dr.zeros(mi.Ray3f).wavelengths
-    span = path.vertex.p - hit.vertex.p
-    direction = dr.select(kind == Kind.ENVIRONMENT, path.wo, span * dr.rsqrt(dr.squared_norm(span)))
     lit = value > 0
+    seen = sight(path.vertex, lambda _: hit.vertex.p, lambdas, lit & exists(path.vertex))
+    direction = dr.select(kind == Kind.ENVIRONMENT, path.wo, seen.ray.d)
     k = reconnection_index(path)
     sampled = (kind == Kind.REPLAY_NEE) & (edge_count(path) == 2)
     lesson = Lesson(mi.UInt32(1), direction, value, lit & ~sampled, k == 2)
-    _study(guide, book, *camera_ray(hit, lambdas), lesson)
+    ray, pi = camera_ray(hit, lambdas)
+    _study(guide, book, pi.compute_surface_interaction(ray, active=lesson.active), lesson)
     leaves = lit & ((kind == Kind.FAR) | (kind == Kind.HIT))
     lesson = Lesson(k, path.wo, value, leaves, leaves)
-    _study(guide, book, *seen_from(path.vertex, hit.vertex.p, lambdas), lesson)
+    _study(guide, book, seen.si, lesson)
     sums = grown(guide.sums, memory, book.counts, bound)
     costs = settled(guide.costs, memory, book.bills)
     return replace(guide, sums=sums, costs=costs, alpha=cheapest(costs, sums[0] > 0), mean=mean)
@@ -92,12 +93,10 @@ class Lesson:
 def _study(
     guide: Guide,
     book: Book,
-    ray: mi.Ray3f,
-    pi: mi.PreliminaryIntersection3f,
+    si: mi.SurfaceInteraction3f,
     lesson: Lesson,
 ) -> None:
-    """Add a lesson at the vertex that a ray has found."""
-    si = pi.compute_surface_interaction(ray, active=lesson.active)
+    """Add a lesson at a vertex."""
     bsdf = si.bsdf()
     active = lesson.active & steerable(bsdf)
     stored = active & lesson.stored

@@ -9,6 +9,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import MOST_INSTANCES, number_of
+
 WORDS = 2**32
 """Seeds and samples are counted by words of 32 bits."""
 
@@ -103,13 +105,21 @@ def _word(name: str, value: Any) -> int:
 
 
 def check_scene(scene: mi.Scene) -> None:
-    """Refuse participating media.
+    """Refuse participating media, and more instances than can be told apart.
 
     Raises
     ------
     ValueError
-        If a shape of the scene bounds a medium.
+        If a shape of the scene bounds a medium, or an instance has too large a number.
     """
+    instances = [shape for shape in scene.shapes() if shape.class_name() == "Instance"]
+    if instances:
+        largest = int(dr.max(number_of(mi.ShapePtr(instances)))[0])
+        if largest > MOST_INSTANCES:
+            raise ValueError(
+                f"restir_pt: an instance is shape number {largest} of this process, which may be "
+                f"{MOST_INSTANCES} at most; let go of other scenes, or use fewer shapes"
+            )
     for shape in scene.shapes():
         if shape.is_medium_transition():
             raise ValueError(

@@ -35,7 +35,7 @@ from ..passes.temporal import (
 )
 from ..paths.camera import Camera
 from ..paths.moves import Moves
-from ..paths.primary_hit import Primary, PrimaryHit
+from ..paths.primary_hit import Primary
 from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
 from ..resampling.subsets import Round
@@ -58,7 +58,7 @@ from .frame_data import (
 
 def meet_surfaces(plan: Plan, scene: mi.Scene, rays: CameraRays) -> Primary:
     """Before both halves of a frame: primary hits."""
-    now = primary(scene, rays, plan.parameters.hide_emitters)
+    now = primary(scene, rays, plan.parameters.hide_emitters, plan.form.compact)
     dr.eval(now)
     return now
 
@@ -87,7 +87,7 @@ def sample_paths(
     """
     parameters, scope, now = plan.parameters, plan.scope(setting), setting.now
     policy = policy_of(history.learnt, plan.limits.rr_depth, not parameters.retrace_history)
-    candidates = initial(scope, now.hit, spp, policy, parameters.mutates)
+    candidates = initial(scope, now.hit, spp, policy, plan.form)
     reservoirs, refused = candidates.reservoirs, candidates.refused
     direct = now.emitted + refused.color
     beside = Beside(
@@ -119,7 +119,7 @@ def sample_paths(
         return sampled
 
     before = dr.gather(Reservoir, history.reservoirs, motion.pixel, motion.valid)
-    hit_before = dr.gather(PrimaryHit, history.hits, motion.pixel, motion.valid)
+    hit_before = history.hits.at(motion.pixel, motion.valid)
     previous = Previous(before, hit_before, motion.valid)
     if moves is not None:
         kept = kept_pdf(scope, reservoirs.path, now.hit, shareable(reservoirs, previous))

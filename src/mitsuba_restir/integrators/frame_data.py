@@ -14,8 +14,10 @@ from ..mutations.proposals import MoveReconnectionVertex
 from ..mutations.surrogate import MoveInPlane
 from ..neighbors.color_history import ColorHistory, no_color_history
 from ..passes.temporal import Previous
+from ..paths.camera import eye_of
 from ..paths.grid import grid_of
-from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hit
+from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hits
+from ..paths.record import Form
 from ..paths.reshaped import drop_reshaped
 from ..paths.settings import PathLimits
 from ..resampling.pairwise import PairEstimators
@@ -211,6 +213,8 @@ class Plan:
     parameters : Parameters
     limits : PathLimits
     mapping : ShiftMapping
+    form : Form
+        Of records.
     width, height : int
         Size of the crop window [pixels].
     """
@@ -218,6 +222,7 @@ class Plan:
     parameters: Parameters
     limits: PathLimits
     mapping: ShiftMapping
+    form: Form
     width: int
     height: int
 
@@ -247,12 +252,13 @@ class Plan:
         )
 
 
-def no_history(scene: mi.Scene, pixels: int, parameters: Parameters) -> History:
+def no_history(scene: mi.Scene, sensor: mi.Sensor, plan: Plan) -> History:
     """A history without paths, with the structure that later frames have."""
+    parameters, pixels = plan.parameters, plan.width * plan.height
     index = dr.zeros(mi.UInt32, pixels)
     history = History(
-        dr.gather(Reservoir, empty_reservoir(parameters.mutates), index),
-        dr.gather(PrimaryHit, no_primary_hit(), index),
+        dr.gather(Reservoir, empty_reservoir(plan.form), index),
+        no_primary_hits(pixels, eye_of(sensor), plan.form.compact),
         dr.gather(ColorHistory, no_color_history(), index) if parameters.selects else None,
         nothing_learnt(scene, parameters.guiding, parameters.roulette == "contribution"),
     )

@@ -7,6 +7,8 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import fits_compact
+from ..paths.record import Form
 from ..paths.settings import PathLimits
 from ..sampling.dither import Dither, mask_texture
 from ..sampling.masks import load_mask
@@ -24,7 +26,8 @@ def plan_of(parameters: Parameters, scene: mi.Scene, width: int, height: int) ->
     limits = PathLimits(parameters.longest, parameters.rr_depth)
     mapping = shift_mapping(parameters.shift, _criterion(parameters.connectability, scene))
     mapping = replace(mapping, hides_sky=parameters.hide_emitters)
-    return Plan(parameters, limits, mapping, width, height)
+    form = Form(parameters.mutates, fits_compact(scene), parameters.blue_noise_seeds)
+    return Plan(parameters, limits, mapping, form, width, height)
 
 
 def dither_of(parameters: Parameters) -> Dither | None:

@@ -13,6 +13,7 @@ import mitsuba as mi
 from ..neighbors.strategies import layouts
 from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
+from ..paths.packing import fits_compact
 from ..sampling.streams import FrameKey
 from .border import (
     WORDS,
@@ -87,7 +88,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self.parameters = read_parameters(props)
         self._scene: mi.Scene | None = None
         self._shape: tuple[str, int, int] | None = None
-        self._plan: Plan | None = None
+        self._plan: Plan
         self._dropped: mi.Bool | None = None
         self.reset()
 
@@ -246,7 +247,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         elif edit := self._watch.look(thorough=self._history is None):
             self._follow(scene, edit)
         if self._history is None:
-            self._history = no_history(scene, width * height, self.parameters)
+            self._history = no_history(scene, sensor, self._plan)
             self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
     def _plan_frames(self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]) -> None:
@@ -278,6 +279,8 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         """Let go of what an edit of the scene has made wrong."""
         if edit.replayable:
             return
+        if edit.reshaped and fits_compact(scene) != self._plan.form.compact:
+            self.reset()
         if self._history is None:
             self._record_stages(scene)
             return

@@ -187,7 +187,7 @@ def mutate_by_updated_energy(
         number = (first + dr.opaque(mi.UInt32, index)) % SPACING**2
         pixel, inside = spaced_pixels(grid, SPACING, number)
         own = dr.gather(Reservoir, reservoirs, pixel, inside)
-        there = dr.gather(PrimaryHit, hits, pixel, inside)
+        there = hits.at(pixel, inside)
         rule = energy_rule(around, pixel, own.weight, plan.energy_weight)
         moved, mutated = run_chain(scope, own, there, pixel, plan, rule)
         value = normalised(target(moved.color) * own.weight, around.mean)

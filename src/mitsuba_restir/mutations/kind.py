@@ -20,8 +20,8 @@ class State:
     """A state of the Markov chain.
 
     Fields: ``path``, ``color`` (F), ``density`` (the factors of the path's density that moves
-    change, p(x_{k-1} -> x_k) among them), ``direction`` (x_{k-1} to x_k), ``pdf`` (its BSDF pdf)
-    and ``normal`` (of x_k's face; 0 where there is none).
+    change, p(x_{k-1} -> x_k) among them), ``direction`` (x_{k-1} to x_k), ``pdf`` (its BSDF pdf),
+    ``p`` and ``normal`` (of x_k and its face; 0 where there is none).
     """
 
     path: PathRecord
@@ -29,6 +29,7 @@ class State:
     density: mi.Float
     direction: mi.Vector3f
     pdf: mi.Float
+    p: mi.Point3f
     normal: mi.Normal3f
 
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import pack_direction, pack_radiance
 from ..paths.record import (
     Kind,
     PathRecord,
@@ -27,6 +28,7 @@ from ..paths.record import (
     kind_of,
     next_kind_of,
     reconnection_index,
+    rounding,
 )
 from ..paths.scattering import (
     balance,
@@ -38,14 +40,14 @@ from ..paths.scattering import (
     sample_light,
 )
 from ..paths.spectrum import response
-from ..paths.vertex import Vertex, connected, exists
+from ..paths.vertex import Stored, connection, exists
 from ..shifts.connectability import depart
 from ..shifts.ending import Ends, ending, own_factor
 from ..shifts.scope import Scope
 from .kind import State
 from .pivot import Pivot
 
-CHANGES: tuple[str, ...] = ("vertex", "wo", "radiance", "light_pdf", "factor")
+CHANGES: tuple[str, ...] = ("vertex", "leaving", "arriving", "light_pdf", "factor")
 """Fields of a path's record that differ when its reconnection vertex does."""
 
 
@@ -56,7 +58,7 @@ class Landing:
     Fields: ``vertex``, ``si`` (invalid for the environment), ``ray`` (from the pivot to it).
     """
 
-    vertex: Vertex
+    vertex: Stored
     si: mi.SurfaceInteraction3f
     ray: mi.Ray3f
 
@@ -92,9 +94,7 @@ def at_vertex(
 
     # ------------------------------ light samples and x_{k-1} -> x_k ----------------------------
 
-    numbers = dr.select(
-        by_numbers, mi.Point2f(path.wo.x, path.wo.y), light_numbers(pivot.stream, k)
-    )
+    numbers = dr.select(by_numbers, path.leaving, light_numbers(pivot.stream, k))
     sampled = active & dr.select(by_numbers, can_connect(bsdf), nee & can_connect(bsdf_k))
     light = sample_light(scene, dr.select(by_numbers, pivot.si, si_k), numbers, False, sampled)
     direction = dr.select(by_numbers, light.d, ray.d)
@@ -105,13 +105,13 @@ def at_vertex(
 
     # ------------------------------ x_k -> x_{k+1} ----------------------------------------------
 
-    ray_n, pi_n, reached = connected(si_k, following.vertex)
+    ray_n, distance_n, reached = connection(si_k, pivot.next_si.p)
     si_n = mi.SurfaceInteraction3f(pivot.next_si)
     si_n.wi = pivot.next_si.to_local(-ray_n.d)
     wo = dr.select(nee, light.d, dr.select(ahead, ray_n.d, path.wo))
     value_k, pdf_k = evaluate(si_k, bsdf_k, wo, onward)
     value_n, pdf_n = evaluate(si_n, si_n.bsdf(), following.wo, ahead & far)
-    geometry = dr.abs(dr.dot(si_n.n, ray_n.d)) / dr.square(pi_n.t)
+    geometry = dr.abs(dr.dot(si_n.n, ray_n.d)) / dr.square(distance_n)
 
     # The pair before the pivot must stay unconnectable with the new direction, and x_k connectable.
     defined = active & ~(pdf <= pivot.arrival.limit) & (~ahead | reached)
@@ -127,15 +127,18 @@ def at_vertex(
         found | (hit & ahead),
     )
     renewed = found | (hit & ahead)
-    radiance = dr.select(far, _through(path, value_n, pdf_n), path.radiance)
-    radiance = dr.select(renewed, emitted, dr.select(nee, light.weight, radiance))
+    radiance = dr.select(far, _through(path, value_n, pdf_n), light.weight)
+    radiance = dr.select(renewed, emitted, radiance)
+    arriving = pack_radiance(radiance, rounding(pivot.stream, path.info, False))
     light_pdf = dr.select(nee, dr.select(light.delta, 0, light.pdf), path.light_pdf)
     light_pdf = dr.select(renewed, emitted_pdf, light_pdf)
+    to_environment = kind == Kind.ENVIRONMENT
+    leaving = pack_direction(dr.select(to_environment, direction, wo))
     moved = replace(
         path,
         vertex=landing.vertex,
-        wo=dr.select(kind == Kind.ENVIRONMENT, direction, dr.select(onward, wo, path.wo)),
-        radiance=radiance,
+        leaving=dr.select(to_environment | onward, leaving, path.leaving),
+        arriving=dr.select(far | nee | renewed, arriving, path.arriving),
         light_pdf=light_pdf,
         factor=own_factor(kind, pair, pdf_k),
     )
@@ -148,14 +151,14 @@ def at_vertex(
 
     # ------------------------------ visibility --------------------------------------------------
 
-    end = dr.select(ahead, following.vertex.p, light.p)
+    end = dr.select(ahead, pivot.next_si.p, light.p)
     shadow = dr.select(
         by_numbers,
         pivot.si.spawn_ray_to(end),
         dr.select(hit & ~ahead, si_k.spawn_ray(wo), si_k.spawn_ray_to(end)),
     )
     color = dr.select(defined & (density > 0), color, 0)
-    state = State(moved, color, density, direction, pdf, si_k.n)
+    state = State(moved, color, density, direction, pdf, si_k.p, si_k.n)
     return state, shadow, onward | (active & by_numbers)
 
 

@@ -17,7 +17,7 @@ from ..paths.record import (
     next_kind_of,
     reconnection_index,
 )
-from ..paths.vertex import exists, seen_from
+from ..paths.vertex import exists, sight
 from ..sampling.codes import Codes
 from ..sampling.streams import Stream
 from ..shifts.connectability import Link
@@ -46,7 +46,7 @@ class Pivot:
     Fields: ``si`` (interaction at x_{k-1}), ``throughput`` (up to it), ``arrival`` (the pair before
     it), ``limit`` (its criterion's vertex limit), ``footprint`` (the pixel's), ``stream`` (the
     path's), ``lambdas`` (its wavelengths), ``valid`` (the prefix could be replayed), ``next_si``
-    (interaction at x_{k+1}, as seen from the path's own x_k; its point is the same from others).
+    (interaction at x_{k+1}, as if it were seen from here; its point is the same from others).
     """
 
     si: mi.SurfaceInteraction3f
@@ -114,15 +114,13 @@ def pivot_of(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.Bool) -
         stream,
         lambdas,
         valid,
-        _next_interaction(path, lambdas, valid),
+        _next_interaction(path, si, valid),
     )
 
 
 def _next_interaction(
-    path: PathRecord, lambdas: mi.Spectrum, active: mi.Bool
+    path: PathRecord, si: mi.SurfaceInteraction3f, active: mi.Bool
 ) -> mi.SurfaceInteraction3f:
-    following = continuation_of(path).vertex
-    ray, pi = seen_from(following, path.vertex.p, lambdas)
-    kind = kind_of(path)
+    following, kind = continuation_of(path).vertex, kind_of(path)
     used = active & ((kind == Kind.FAR) | (kind == Kind.HIT)) & exists(following)
-    return pi.compute_surface_interaction(ray, active=used)
+    return sight(following, lambda _: si.p, si.wavelengths, used).si

@@ -15,7 +15,7 @@ import mitsuba as mi
 
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Kind, PathRecord, kind_of
-from ..paths.vertex import compact, connected
+from ..paths.vertex import Spot, connected, stored
 from ..resampling.reservoir import Reservoir
 from ..sampling.streams import Stream, uniform2
 from ..shifts.scope import Scope
@@ -41,8 +41,8 @@ class MoveReconnectionVertex:
         """See :class:`.kind.Mutation`; the first state is the path itself, with its colour."""
         path = reservoirs.path
         pivot = pivot_of(scope, path, hits, (reservoirs.weight > 0) & movable(path))
-        ray, pi, _ = connected(pivot.si, path.vertex)
-        si = pi.compute_surface_interaction(ray, active=pivot.valid)
+        seen, _ = connected(pivot.si, path.vertex, pivot.valid)
+        ray, si = seen.ray, seen.si
         # A path to the environment has no vertex; its direction is stored.
         ray.d = dr.select(kind_of(path) == Kind.ENVIRONMENT, path.wo, ray.d)
         si.wi = dr.select(si.is_valid(), si.wi, -ray.d)
@@ -96,7 +96,8 @@ def landed(
     pi = scope.scene.ray_intersect_preliminary(ray, coherent=False, active=aimed)
     si = pi.compute_surface_interaction(ray, active=aimed)
     lands = active & (by_numbers | (si.is_valid() ^ to_environment))
-    return at_vertex(scope, pivot, path, Landing(compact(pi, si.p), si, ray), lands)
+    vertex = stored(pi, si.p, isinstance(path.vertex, Spot))
+    return at_vertex(scope, pivot, path, Landing(vertex, si, ray), lands)
 
 
 def perturbed(direction: mi.Vector3f, pdf: mi.Float, u: mi.Point2f, step: float) -> mi.Vector3f:
@@ -118,11 +119,11 @@ def lobe_ratio(
 
 def _move_numbers(path: PathRecord, moves: mi.Bool, u: mi.Point2f, step: float) -> PathRecord:
     """Perturb the numbers that sampled a light, on the torus."""
-    moved = mi.Point2f(path.wo.x, path.wo.y) + step * mi.warp.square_to_std_normal(u)
+    moved = path.leaving + step * mi.warp.square_to_std_normal(u)
     moved -= dr.floor(moved)
     # The floor of a tiny negative number rounds to 1, which is outside the square.
     moved = dr.minimum(moved, 1 - 2.0**-24)
-    return replace(path, wo=dr.select(moves, mi.Vector3f(moved.x, moved.y, 0), path.wo))
+    return replace(path, leaving=dr.select(moves, moved, path.leaving))
 
 
 def _concentration(pdf: mi.Float, step: float) -> mi.Float:

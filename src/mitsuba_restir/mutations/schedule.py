@@ -90,7 +90,7 @@ def mutate_in_turns(
         return run_chain(scope, reservoirs, hits, pixels, plan, metropolis_hastings)
     pixel, inside = pixels_of_set(scope.grid, plan.interval, turn)
     own = dr.gather(Reservoir, reservoirs, pixel, inside)
-    there = dr.gather(PrimaryHit, hits, pixel, inside)
+    there = hits.at(pixel, inside)
     after, mutated = run_chain(scope, own, there, pixel, plan, metropolis_hastings)
     mutated.kind = dr.select(inside, mutated.kind, len(MutationClass.names()))
     result = dr.copy(_changed(reservoirs, plan.kind))

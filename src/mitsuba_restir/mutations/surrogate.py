@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import number_of
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Kind, continuation_of, kind_of, reconnection_index
 from ..paths.scattering import evaluate, light_numbers, sample_light
@@ -85,10 +86,10 @@ def surrogate_of(pivot: Pivot, state: State) -> Surrogate:
     kind = kind_of(path)
     ahead = ((kind == Kind.FAR) | (kind == Kind.HIT)) & exists(following.vertex)
     return Surrogate(
-        path.vertex.p,
+        state.p,
         state.normal,
         ahead,
-        following.vertex.p,
+        pivot.next_si.p,
         pivot.next_si.n,
         kind == Kind.NEE,
         light_numbers(pivot.stream, reconnection_index(path)),
@@ -98,13 +99,13 @@ def surrogate_of(pivot: Pivot, state: State) -> Surrogate:
 def same_plane(pivot: Pivot, start: State, end: State) -> mi.Bool:
     """Whether both states have the same surrogate: x_k in one plane of one shape."""
     here, there = start.path.vertex, end.path.vertex
-    span = there.p - here.p
+    span = end.p - start.p
     aside = dr.abs(dr.dot(start.normal, span))
     return (
-        (here.shape == there.shape)
-        & (here.instance == there.instance)
+        (number_of(here.shape) == number_of(there.shape))
+        & (number_of(here.instance) == number_of(there.instance))
         & (dr.squared_norm(end.normal - start.normal) < SAME_NORMAL)
-        & (aside < SAME_OFFSET * dr.norm(here.p - pivot.si.p))
+        & (aside < SAME_OFFSET * dr.norm(start.p - pivot.si.p))
     )
 
 

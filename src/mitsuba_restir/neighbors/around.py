@@ -73,7 +73,7 @@ def similar_neighbors(grid: Grid, hits: PrimaryHit, step: int = 1) -> mi.UInt32:
     bits = mi.UInt32(0)
     for i, (dx, dy) in enumerate(OFFSETS):
         other, inside = grid.look(pixel, step * dx, step * dy)
-        alike = inside & similar(hits, dr.gather(PrimaryHit, hits, other, inside))
+        alike = inside & similar(hits, hits.at(other, inside))
         bits |= dr.select(alike, mi.UInt32(1 << i), 0)
     return bits
 

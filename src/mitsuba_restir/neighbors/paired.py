@@ -6,7 +6,6 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.grid import Grid
-from ..paths.primary_hit import PrimaryHit
 from ..resampling.pairwise import Pulled, Sharing, canonical_share, pull
 from ..resampling.reservoir import Reservoir
 from ..sampling.pairing import PairingTile, partner_offset
@@ -21,7 +20,7 @@ def paired(sharing: Sharing, tile: PairingTile, reservoirs: Reservoir, choices: 
 
     def pull_partner(number: mi.UInt32) -> Pulled:
         other, inside = partner(sharing.scope.grid, tile, choices, number)
-        there = dr.gather(PrimaryHit, hits, other, inside)
+        there = hits.at(other, inside)
         # Similarity need not be symmetric: each side's own test decides whether it reuses the
         # other.
         valid = inside & similar(hits, there)

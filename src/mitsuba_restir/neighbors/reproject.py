@@ -58,7 +58,7 @@ def reproject(
     x = dr.minimum(mi.UInt32(uv.x * grid.width), grid.width - 1)
     y = dr.minimum(mi.UInt32(uv.y * grid.height), grid.height - 1)
     pixel = dr.select(inside, grid.index(x, y), 0)
-    before = dr.gather(PrimaryHit, previous_hits, pixel, inside)
+    before = previous_hits.at(pixel, inside)
     return Motion(
         pixel,
         inside & similar(then, before) & ~lost,

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.primary_hit import PrimaryHit
 from ..paths.vertex import exists
 from ..resampling.pairwise import Sharing, canonical_share, pull, push
 from ..resampling.reservoir import Reservoir
@@ -51,7 +50,7 @@ def scored(sharing: Sharing, disk: Disk, reservoirs: Reservoir, choices: Stream)
     confidence = mi.Float(reservoirs.confidence)
     for j in range(sharing.neighbors):
         other, found = pick(sharing, disk, dr.opaque(mi.UInt32, j), choices)
-        there = dr.gather(PrimaryHit, sharing.hits, other, found)
+        there = sharing.hits.at(other, found)
         valid = found & similar(sharing.hits, there)
         theirs = pull(sharing, reservoirs, other, valid, mi.Bool(False))
         dr.eval(theirs)
@@ -98,7 +97,7 @@ def pick(
         length = disk.radius * dr.sqrt(u)
         dx, dy = mi.Int32(dr.round(length * cos)), mi.Int32(dr.round(length * sin))
         candidate, _ = grid.look(pixel, dx, dy)
-        there = dr.gather(PrimaryHit, hits, candidate)
+        there = hits.at(candidate)
         distance = dr.norm(there.vertex.p - hits.vertex.p)
         alike = dr.maximum(dr.dot(there.normal, hits.normal), 0) ** NORMAL_EXPONENT
         score = dr.exp(-distance / reach) * alike

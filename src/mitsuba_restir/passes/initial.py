@@ -16,7 +16,7 @@ from ..guiding.policy import Policy
 from ..guiding.roulette import Leaving, no_outlook
 from ..guiding.steering import empty_ledger
 from ..paths.primary_hit import PrimaryHit
-from ..paths.record import Continuation
+from ..paths.record import Form, form_of
 from ..paths.scattering import (
     balance,
     can_connect,
@@ -27,7 +27,7 @@ from ..paths.scattering import (
     sample_light,
 )
 from ..paths.spectrum import response, target
-from ..paths.vertex import compact, exists
+from ..paths.vertex import exists, stored
 from ..resampling.reservoir import (
     Refused,
     Reservoir,
@@ -63,7 +63,7 @@ class Candidates:
 
 
 def initial(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, continued: bool
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, form: Form
 ) -> Candidates:
     """Resample ``spp`` path trees per pixel into one reservoir of confidence ``spp``.
 
@@ -75,11 +75,11 @@ def initial(
         Number of trees (opaque).
     policy : Policy
         How the trees grow.
-    continued : bool
-        Whether records carry the continuation that mutations need.
+    form : Form
+        Of the records.
     """
     confidence = mi.Float(spp) + dr.zeros(mi.Float, scope.grid.size)
-    streaming, refused, covered, cut = _trees(scope, hit, spp, policy, continued)
+    streaming, refused, covered, cut = _trees(scope, hit, spp, policy, form)
     reservoir = finalize(streaming, mi.Float(spp), confidence)
     lost = ~is_sound(reservoir.weight, streaming.total)
     shown = streaming.color * (streaming.total / target(streaming.color))
@@ -91,14 +91,15 @@ def initial(
 
 @dr.syntax
 def _trees(
-    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, continued: bool
+    scope: Scope, hit: PrimaryHit, spp: mi.UInt32, policy: Policy, form: Form
 ) -> tuple[Streaming, Refused, mi.Float, mi.Bool]:
-    streaming, refused = empty_streaming(continued), none_refused()
+    streaming, refused = empty_streaming(form), none_refused()
     covered, cut = mi.Float(0), mi.Bool(False)
     pixel = scope.grid.pixels()
     tree = mi.UInt32(0)
-    while dr.hint(tree < spp, exclude=[scope, policy], label="Path trees"):
+    while dr.hint(tree < spp, exclude=[scope, policy, form], label="Path trees"):
         name = PathName(pixel, scope.key.sample + tree, scope.key.seed)
+        name = name if form.seeded else name.short()
         streaming, refused, scattered, length = _tree(scope, hit, name, policy, streaming, refused)
         covered += dr.select(scattered, mi.Float(1), 0)
         cut |= length == scope.limits.max_depth
@@ -120,8 +121,9 @@ def _tree(
     Also returned: whether it scatters, and the edges of its longest path.
     """
     scene, mapping, limits = scope.scene, scope.mapping, scope.limits
+    form = form_of(streaming.path)
     stream = scope.stream(name)
-    choices = FrameKey(name.sample, name.seed).stream(Purpose.INITIAL, name.pixel)
+    choices = FrameKey(name.sample, scope.key.seed).stream(Purpose.INITIAL, name.pixel)
     lambdas, response_weight = scope.wavelengths(stream)
     head = at_primary(hit, lambdas, response_weight)
     active = exists(hit.vertex) & (limits.max_depth > 0)
@@ -135,16 +137,16 @@ def _tree(
     scattered = head.scattered  # whether any bounce was by more than a null lobe
     survival = mi.Float(1)  # probability of having survived roulette
     eta = mi.Float(1)  # index of refraction relative to the camera
-    anchor = no_anchor(isinstance(streaming.path.next, Continuation))
+    anchor = no_anchor(form)
     outlook = no_outlook()  # what the path may still find
     ledger = empty_ledger()  # what the choice of directions divides a candidate's weight by
 
-    while dr.hint(active, exclude=[scope, limits, mapping, policy], label="Initial candidates"):
+    while dr.hint(active, exclude=[scope, limits, mapping, policy, form], label="Candidates"):
         si = pi.compute_surface_interaction(ray)
         bsdf = si.bsdf()
         limit = mapping.criterion.vertex_limit(si, bsdf, active & si.is_valid())
         arrival = mapping.link(start, ray, si, limit, j, hit.footprint)
-        place = Place(name, anchor, arrival, compact(pi, si.p), j)
+        place = Place(name, stream, anchor, arrival, stored(pi, si.p, form.compact), j)
         anchored = anchor.k != 0
 
         # -------------------------- light found by the last bounce ------------------------------
@@ -153,8 +155,8 @@ def _tree(
         arrived &= si.is_valid() | scattered | (not mapping.hides_sky)
         radiance, light_pdf = emission(scene, si, start.p, arrived)
         light_pdf = dr.select(start.delta, 0, light_pdf)
-        path = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
-        color = response(throughput * radiance * balance(start.pdf, light_pdf), lambdas)
+        path, kept = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
+        color = response(throughput * radiance * balance(start.pdf, light_pdf) * kept, lambdas)
         odds = ledger.inverse(anchored | arrival.reaches) / survival
         weight = target(color) * odds
         refused = refuse(refused, color * odds, arrived & ~fits(streaming, weight))
@@ -173,8 +175,8 @@ def _tree(
         value, pdf = evaluate(si, bsdf, light.d, light.valid)
         light_pdf = dr.select(light.delta, 0, light.pdf)
         mis = nee_weight(light_pdf, pdf)
-        path = record_nee(place, light, numbers, pdf, value * mis, light_pdf)
-        color = response(throughput * value * light.weight * mis, lambdas)
+        path, kept = record_nee(place, light, numbers, pdf, value * mis, light_pdf)
+        color = response(throughput * value * light.weight * mis * kept, lambdas)
         odds = ledger.inverse(anchored | (pdf <= arrival.limit)) / survival
         weight = target(color) * odds
         refused = refuse(refused, color * odds, light.valid & ~fits(streaming, weight))

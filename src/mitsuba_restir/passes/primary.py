@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.camera import Eye, eye_of
 from ..paths.grid import Grid
+from ..paths.packing import pack_facing
 from ..paths.primary_hit import Primary, PrimaryHit
 from ..paths.spectrum import response
 from ..paths.vertex import compact
@@ -20,13 +22,14 @@ class CameraRays:
     """One camera ray of every pixel.
 
     Fields: ``ray``, ``importance`` (what the sensor weighs it with), ``film`` (film position in the
-    crop window's unit square), ``lens`` (lens sample).
+    crop window's unit square), ``lens`` (lens sample), ``eye`` (of a pinhole camera, else None).
     """
 
     ray: mi.Ray3f
     importance: mi.Spectrum
     film: mi.Point2f
     lens: mi.Point2f
+    eye: Eye | None
 
 
 def camera_rays(sensor: mi.Sensor, grid: Grid, key: FrameKey) -> CameraRays:
@@ -45,16 +48,18 @@ def camera_rays(sensor: mi.Sensor, grid: Grid, key: FrameKey) -> CameraRays:
     ray, importance = sensor.sample_ray(
         sensor.shutter_open() + time * sensor.shutter_open_time(), lambda_sample, film, lens
     )
-    return CameraRays(ray, importance, film, lens)
+    return CameraRays(ray, importance, film, lens, eye_of(sensor))
 
 
-def primary(scene: mi.Scene, rays: CameraRays, hides_emitters: bool) -> Primary:
+def primary(scene: mi.Scene, rays: CameraRays, hides_emitters: bool, small: bool) -> Primary:
     """Trace the camera rays of a frame.
 
     Parameters
     ----------
     hides_emitters : bool
         Whether lights are hidden that are seen directly.
+    small : bool
+        Whether the scene is a compact one.
     """
     ray = rays.ray
     pi = scene.ray_intersect_preliminary(ray, coherent=True)
@@ -69,9 +74,8 @@ def primary(scene: mi.Scene, rays: CameraRays, hides_emitters: bool) -> Primary:
     emitted = mi.Spectrum(0)
     if not hides_emitters:
         emitted = rays.importance * si.emitter(scene).eval(si)
-    hit = PrimaryHit(
-        compact(pi, si.p), mi.Point3f(ray.o), si.sh_frame.n, pixel_footprint(ray.o, si)
-    )
+    facing = pack_facing(si.sh_frame.n, pixel_footprint(ray.o, si))
+    hit = PrimaryHit(compact(pi, si.p, small), facing, rays.eye or mi.Point3f(ray.o))
     return Primary(
         hit,
         response(emitted, ray.wavelengths),

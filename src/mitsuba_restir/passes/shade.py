@@ -82,9 +82,13 @@ def path_number(reservoir: Reservoir) -> mi.Float:
     return dr.select(reservoir.weight > 0, mi.Float(identity(reservoir.path)), -1)
 
 
-def _albedo(shown: Shown) -> Sequence[mi.Float]:
+def _surface(shown: Shown) -> mi.SurfaceInteraction3f:
     ray, pi = camera_ray(shown.hit, dr.zeros(mi.Ray3f).wavelengths)
-    si = pi.compute_surface_interaction(ray)
+    return pi.compute_surface_interaction(ray)
+
+
+def _albedo(shown: Shown) -> Sequence[mi.Float]:
+    si = _surface(shown)
     albedo = si.bsdf().eval_diffuse_reflectance(si, si.is_valid())
     return albedo if len(albedo) == 3 else [albedo[0]] * 3
 
@@ -96,7 +100,7 @@ def _depth(shown: Shown) -> mi.Float:
 
 AOVS = {
     "albedo": Aov("RGB", _albedo),
-    "sh_normal": Aov("XYZ", lambda shown: shown.hit.normal),
+    "sh_normal": Aov("XYZ", lambda shown: _surface(shown).sh_frame.n),
     "depth": Aov("T", lambda shown: [_depth(shown)]),
     "position": Aov("XYZ", lambda shown: shown.hit.vertex.p),
     "motion": Aov(

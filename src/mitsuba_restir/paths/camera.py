@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from ..transforms import world_to_local
+from ..transforms import TO_WORLD, world_to_local
 
 REPROJECTABLE = ("PerspectiveCamera", "ThinLensCamera")
 """Sensor classes whose history can be followed."""
@@ -26,6 +26,36 @@ class Camera:
     offset: mi.Vector2f
     aperture: mi.Float
     focus: mi.Float
+
+
+@dataclass
+class Eye:
+    """Where all rays of a pinhole camera come from.
+
+    Fields: ``point`` (the pinhole), ``axis`` (unit vector in the direction of the view), ``near``
+    (distance of the plane on which rays start); one entry each.
+    """
+
+    point: mi.Point3f
+    axis: mi.Vector3f
+    near: mi.Float
+
+    def origin(self, p: mi.Point3f) -> mi.Point3f:
+        """Where the ray to a point starts."""
+        to_point = p - self.point
+        return self.point + to_point * (self.near / dr.dot(to_point, self.axis))
+
+
+def eye_of(sensor: mi.Sensor) -> Eye | None:
+    """The eye of a pinhole camera; None for all other sensors."""
+    if sensor.class_name() != "PerspectiveCamera":
+        return None
+    parameters = mi.traverse(sensor)
+    matrix = mi.Matrix4f(parameters[TO_WORLD].matrix)
+    point, axis = matrix @ mi.Vector4f(0, 0, 0, 1), matrix @ mi.Vector4f(0, 0, 1, 0)
+    eye = Eye(mi.Point3f(point.xyz), dr.normalize(axis.xyz), mi.Float(parameters["near_clip"]))
+    dr.make_opaque(eye)
+    return eye
 
 
 def copy_camera(sensor: mi.Sensor) -> Camera:

@@ -19,8 +19,9 @@ def identity(path: PathRecord) -> mi.UInt32:
     mutation moves: the reconnection vertex, the direction to the environment, or the numbers that
     sampled the light. Factors that depend on the pixel do not count.
     """
-    moved = [dr.reinterpret_array(mi.UInt32, x) for x in (*path.vertex.p, *path.wo)]
-    a, b = mi.UInt32(path.name.pixel), mi.UInt32(path.name.sample)
-    for word in (path.name.seed, path.info, *moved):
+    moved = [dr.reinterpret_array(mi.UInt32, x) for x in (*path.vertex.place, *path.leaving)]
+    name = path.name.short()
+    a, b = mi.UInt32(name.pixel), mi.UInt32(name.sample)
+    for word in (path.info, *moved):
         a, b = mi.sample_tea_32(a ^ word, b)
     return a >> (32 - BITS)

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from .packing import number_of, pack_facing
 from .primary_hit import PrimaryHit
-from .vertex import Vertex
+from .vertex import Stored
 
 
 @dataclass
@@ -65,14 +66,13 @@ def _turned(v: mi.Vector3f, axis: mi.Vector3f, angle: mi.Float) -> mi.Vector3f:
     return v + 2 * dr.cross(axis, dr.cross(axis, v) + angle * v)
 
 
-def shape_number(vertex: Vertex) -> mi.UInt32:
+def shape_number(vertex: Stored) -> mi.UInt32:
     """Number of the shape that places a vertex in the world: of an instanced one, the instance."""
-    shape = dr.reinterpret_array(mi.UInt32, vertex.shape)
-    instance = dr.reinterpret_array(mi.UInt32, vertex.instance)
-    return dr.select(instance != 0, instance, shape)
+    instance = number_of(vertex.instance)
+    return dr.select(instance != 0, instance, number_of(vertex.shape))
 
 
-def move_of(moves: Moves, vertex: Vertex) -> Move:
+def move_of(moves: Moves, vertex: Stored) -> Move:
     """How the surface of each vertex has moved."""
     number = shape_number(vertex)
     known = number < moves.size
@@ -91,7 +91,7 @@ def hit_before(moves: Moves, hit: PrimaryHit) -> tuple[PrimaryHit, Move]:
     before = replace(
         hit,
         vertex=replace(hit.vertex, p=move.back(hit.vertex.p)),
-        origin=move.back(hit.origin),
-        normal=mi.Normal3f(move.turned_back(mi.Vector3f(hit.normal))),
+        start=move.back(hit.origin),
+        facing=pack_facing(mi.Normal3f(move.turned_back(mi.Vector3f(hit.normal))), hit.footprint),
     )
     return before, move

@@ -7,13 +7,16 @@ prefix, its reconnection vertex x_k, the direction leaving it, and the light arr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.absent import Absent
 from ..sampling.codes import Codes
-from ..sampling.streams import PathName
-from .vertex import Vertex, no_vertex
+from ..sampling.streams import ROUNDING, PathName, Stream
+from .packing import no_radiance, unpack_direction, unpack_radiance
+from .vertex import Spot, Stored, nowhere
 
 
 class Kind(Codes):
@@ -33,24 +36,50 @@ MAX_EDGES = 0xFFF
 """Longest path that a record can describe (12 bits)."""
 
 
-@dataclass
-class Absent:
-    """Stands for a part that records do not need."""
+@dataclass(frozen=True)
+class Form:
+    """What records have.
+
+    Attributes
+    ----------
+    continued : bool
+        A :class:`Continuation`.
+    compact : bool
+        Small vertices.
+    seeded : bool
+        The seed of their streams by itself, which dithering asks for.
+    """
+
+    continued: bool
+    compact: bool
+    seeded: bool = False
 
 
 @dataclass
 class Continuation:
-    """What follows the reconnection vertex, kept so that x_k can be moved (64 bytes a path).
+    """What follows the reconnection vertex, kept so that x_k can be moved (32 bytes a path in
+    compact scenes, 44 in others).
 
-    Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path), ``wo``
-    (direction leaving it), ``radiance`` and ``light_pdf`` (the light arriving along ``wo``, as
-    :class:`PathRecord` has them for x_k; their kind is in the record's ``info``).
+    Fields: ``vertex`` (x_{k+1}: a surface of a ``FAR`` path, the light of a ``HIT`` path),
+    ``leaving`` (packed direction leaving it), ``arriving`` (packed radiance) and ``light_pdf`` (the
+    light arriving from there, as :class:`PathRecord` has them for x_k; their kind is in the
+    record's ``info``).
     """
 
-    vertex: Vertex
-    wo: mi.Vector3f
-    radiance: mi.Spectrum
+    vertex: Stored
+    leaving: mi.Point2f
+    arriving: Any
     light_pdf: mi.Float
+
+    @property
+    def radiance(self) -> mi.Spectrum:
+        """Light arriving along ``wo``, see :class:`PathRecord`."""
+        return unpack_radiance(self.arriving)
+
+    @property
+    def wo(self) -> mi.Vector3f:
+        """Direction leaving the vertex (world)."""
+        return unpack_direction(self.leaving)
 
 
 @dataclass
@@ -58,43 +87,62 @@ class PathRecord:
     """A path that can be replayed or reconnected, one per lane.
 
     Fields: ``name`` names the prefix's stream. ``info`` packs kind, technique, k and d. ``vertex``
-    is x_k, ``wo`` (world) the direction that leaves it (for ``ENVIRONMENT`` the one that leaves
-    x_{k-1}). ``radiance`` is the light arriving along ``wo``: the suffix's throughput and MIS
-    weight are part of it for ``FAR``, emission alone for ``HIT`` and ``ENVIRONMENT``, emission over
-    the light pdf for ``NEE``; unused for ``LIGHT``, whose emission depends on the direction.
+    is x_k, ``leaving`` the packed direction that leaves it (for ``ENVIRONMENT`` the one that leaves
+    x_{k-1}). ``arriving`` is the packed radiance from there: the suffix's throughput and MIS weight
+    are part of it for ``FAR``, emission alone for ``HIT`` and ``ENVIRONMENT``, emission over the
+    light pdf for ``NEE``; unused for ``LIGHT``, whose emission depends on the direction.
     ``light_pdf`` [1/sr] is the MIS partner of ``NEE``, ``HIT`` and ``ENVIRONMENT``; 0 stands for a
     light that only one technique can find. ``factor`` is p_{k-1} G p_k, this path's own part of the
-    reconnection Jacobian. A ``REPLAY_NEE`` path has no ``wo``; the two numbers that sampled its
-    light are kept there.
+    reconnection Jacobian. A ``REPLAY_NEE`` path has no such direction; the two numbers that sampled
+    its light are kept there.
     ``next`` (:class:`Continuation`) is :class:`Absent` where paths are never mutated.
     """
 
     name: PathName
     info: mi.UInt32
-    vertex: Vertex
-    wo: mi.Vector3f
-    radiance: mi.Spectrum
+    vertex: Stored
+    leaving: mi.Point2f
+    arriving: Any
     light_pdf: mi.Float
     factor: mi.Float
     next: Continuation | Absent
 
+    @property
+    def radiance(self) -> mi.Spectrum:
+        """Light arriving along ``wo``, as all who use the path know it."""
+        return unpack_radiance(self.arriving)
 
-def no_continuation() -> Continuation:
+    @property
+    def wo(self) -> mi.Vector3f:
+        """Direction leaving x_k, or x_{k-1} to the environment (world)."""
+        return unpack_direction(self.leaving)
+
+
+def form_of(record: PathRecord) -> Form:
+    """The form of a record."""
+    return Form(
+        isinstance(record.next, Continuation),
+        isinstance(record.vertex, Spot),
+        not isinstance(record.name.seed, Absent),
+    )
+
+
+def no_continuation(form: Form) -> Continuation:
     """A continuation that leads nowhere."""
-    return Continuation(no_vertex(), dr.zeros(mi.Vector3f), dr.zeros(mi.Spectrum), mi.Float(0))
+    return Continuation(nowhere(form.compact), dr.zeros(mi.Point2f), no_radiance(), mi.Float(0))
 
 
-def empty_record(continued: bool) -> PathRecord:
-    """The record of no path (``Kind.EMPTY``), with room for a continuation if ``continued``."""
+def empty_record(form: Form) -> PathRecord:
+    """The record of no path (``Kind.EMPTY``)."""
     return PathRecord(
-        PathName(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)),
+        PathName(mi.UInt32(0), mi.UInt32(0), mi.UInt32(0) if form.seeded else Absent()),
         mi.UInt32(0),
-        no_vertex(),
-        dr.zeros(mi.Vector3f),
-        dr.zeros(mi.Spectrum),
+        nowhere(form.compact),
+        dr.zeros(mi.Point2f),
+        no_radiance(),
         mi.Float(0),
         mi.Float(0),
-        no_continuation() if continued else Absent(),
+        no_continuation(form) if form.continued else Absent(),
     )
 
 
@@ -132,6 +180,20 @@ def next_kind_of(record: PathRecord) -> mi.UInt32:
     ``EMPTY`` where x_{k+1} scatters by a delta lobe, so that the direction leaving it is not free.
     """
     return record.info >> 28
+
+
+def rounding(stream: Stream, info: mi.UInt32, following: bool) -> tuple[mi.UInt32, mi.UInt32]:
+    """The words by which a path's radiance is rounded, or that of its continuation.
+
+    They are primary samples of the path like all others, the same whenever it is traced again.
+
+    Parameters
+    ----------
+    info : UInt32
+        As packed in the record; no two paths of a stream have the same end.
+    """
+    end = info & (8 | MAX_EDGES << 16)
+    return stream.words((end >> 15) | ((end >> 3) & 1) | (following << 13), ROUNDING)
 
 
 def with_factor(path: PathRecord, factor: mi.Float) -> PathRecord:

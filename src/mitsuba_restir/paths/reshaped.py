@@ -12,9 +12,11 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.absent import Absent
+from .packing import number_of
 from .primary_hit import PrimaryHit
 from .record import Continuation, PathRecord
-from .vertex import Vertex, exists, no_vertex
+from .vertex import Stored, exists, no_vertex
 
 
 def drop_reshaped(
@@ -42,15 +44,15 @@ def drop_reshaped(
     lost : Bool
         Pixels that had something to lose.
     """
-    numbers = dr.reinterpret_array(mi.UInt32, mi.ShapePtr(list(reshaped)))
+    numbers = number_of(mi.ShapePtr(list(reshaped)))
     size = dr.opaque(mi.UInt32, int(dr.max(numbers)[0]) + 1)
     table = dr.zeros(mi.UInt32, int(size[0]))
     dr.scatter(table, mi.UInt32(1), numbers)
     dr.eval(table)
     instances_too = dr.opaque(mi.Bool, instanced)
 
-    def gone(vertex: Vertex) -> mi.Bool:
-        number = dr.reinterpret_array(mi.UInt32, vertex.shape)
+    def gone(vertex: Stored) -> mi.Bool:
+        number = number_of(vertex.shape)
         named = dr.gather(mi.UInt32, table, number, number < size) != 0
         return named | (instances_too & (vertex.instance != None))  # noqa: E711  (element-wise)
 
@@ -58,4 +60,5 @@ def drop_reshaped(
     if isinstance(path.next, Continuation):
         lost |= gone(path.next.vertex)
     lost &= exists(hits.vertex)
-    return replace(hits, vertex=dr.select(lost, no_vertex(), hits.vertex)), lost
+    none = no_vertex(isinstance(hits.vertex.primitive, Absent))
+    return replace(hits, vertex=dr.select(lost, none, hits.vertex)), lost

@@ -144,7 +144,7 @@ def push(
     outcome : UInt32
         Of the shift.
     """
-    hit = dr.gather(PrimaryHit, sharing.hits, there, valid)
+    hit = sharing.hits.at(there, valid)
     confidence = dr.gather(mi.Float, reservoirs.confidence, there, valid)
     wanted = valid & (reservoirs.weight > 0)
     shifted = shift(sharing.scope, reservoirs.path, hit, wanted)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.record import PathRecord, empty_record
+from ..paths.record import Form, PathRecord, empty_record
 from ..paths.spectrum import target
 
 
@@ -69,14 +69,14 @@ def fits(streaming: Streaming, weight: mi.Float) -> mi.Bool:
     return dr.isfinite(streaming.total + weight)
 
 
-def empty_reservoir(continued: bool) -> Reservoir:
-    """The reservoir of a pixel without a path; ``continued`` as in :func:`empty_record`."""
-    return Reservoir(empty_record(continued), mi.Color3f(0), mi.Float(0), mi.Float(0))
+def empty_reservoir(form: Form) -> Reservoir:
+    """The reservoir of a pixel without a path."""
+    return Reservoir(empty_record(form), mi.Color3f(0), mi.Float(0), mi.Float(0))
 
 
-def empty_streaming(continued: bool) -> Streaming:
-    """A reservoir that has seen nothing; ``continued`` as in :func:`empty_record`."""
-    return Streaming(empty_record(continued), mi.Color3f(0), mi.Float(0))
+def empty_streaming(form: Form) -> Streaming:
+    """A reservoir that has seen nothing."""
+    return Streaming(empty_record(form), mi.Color3f(0), mi.Float(0))
 
 
 def offer(

@@ -23,6 +23,7 @@ import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
+from .absent import Absent
 from .streams import DIRECTION, LIGHT, LOBE, PathName, Stream
 
 _ROUNDS = 4
@@ -145,6 +146,7 @@ class Dither:
         The mask is read here, once per path and not in the loop over its vertices, which can only
         hold arrays of one entry per path.
         """
+        assert not isinstance(name.seed, Absent)
         hashed, sample, seed = name.stream(), mi.UInt32(name.sample), mi.UInt32(name.seed)
         alphas = iter(_ALPHAS)
         dithered = []

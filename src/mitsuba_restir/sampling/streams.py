@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from .absent import Absent
 from .codes import Codes
 
 LOBE, DIRECTION, LIGHT = 0, 1, 2
@@ -19,6 +20,9 @@ LOBE, DIRECTION, LIGHT = 0, 1, 2
 
 WAVELENGTH = 3
 """Block of vertex 0 that holds the wavelength sample of spectral variants."""
+
+ROUNDING = 3
+"""The same block of other vertices: how what a record keeps of a path is rounded."""
 
 _BLOCKS = 4
 _ROUNDS = 4
@@ -65,17 +69,33 @@ class PathName:
     """What names a path's stream, as its record stores it.
 
     Fields: ``pixel`` (source pixel, as the grid counts them), ``sample`` (running number of
-    the path tree), ``seed`` (the user's).
+    the path tree), ``seed`` (the user's; where it is absent, ``sample`` is :func:`moved` by it).
     """
 
     pixel: mi.UInt32
     sample: mi.UInt32
-    seed: mi.UInt32
+    seed: mi.UInt32 | Absent
 
     def stream(self) -> Stream:
         """The path's primary samples."""
-        x, y = mi.sample_tea_32(mi.UInt32(self.pixel), mi.UInt32(self.sample), _ROUNDS)
-        return Stream(*mi.sample_tea_32(x ^ mi.UInt32(self.seed), y, _ROUNDS))
+        name = self.short()
+        x, y = mi.sample_tea_32(mi.UInt32(name.pixel), mi.UInt32(name.sample), _ROUNDS)
+        return Stream(*mi.sample_tea_32(x, y, _ROUNDS))
+
+    def short(self) -> PathName:
+        """The same stream's name without a seed."""
+        if isinstance(self.seed, Absent):
+            return self
+        return PathName(self.pixel, moved(self.sample, self.seed), Absent())
+
+
+def moved(sample: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """Where a running number is among those of all seeds, which begin at random places.
+
+    Within a seed no two are the same; runs of n trees with two seeds overlap with a probability of
+    n / 2^31.
+    """
+    return sample + mi.sample_tea_32(mi.UInt32(seed), mi.UInt32(0x2545F491), 2 * _ROUNDS)[0]
 
 
 @dataclass

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.record import Absent, Continuation, Kind, PathRecord, pack_info
+from ..paths.packing import keep_radiance, pack_direction
+from ..paths.record import Continuation, Form, Kind, PathRecord, pack_info, rounding
 from ..paths.scattering import LightSample, Scattered, balance
-from ..paths.vertex import Vertex, no_vertex
-from ..sampling.streams import PathName
+from ..paths.vertex import Spot, Stored, nowhere
+from ..sampling.absent import Absent
+from ..sampling.streams import PathName, Stream
 from .connectability import Departure, Link
 
 
@@ -22,7 +25,7 @@ class Follower:
     ``suffix`` (throughput of the bounces after x_{k+1}'s own).
     """
 
-    vertex: Vertex
+    vertex: Stored
     wo: mi.Vector3f
     delta: mi.Bool
     suffix: mi.Spectrum
@@ -38,7 +41,7 @@ class Anchor:
     """
 
     k: mi.UInt32
-    vertex: Vertex
+    vertex: Stored
     wo: mi.Vector3f
     factor: mi.Float
     suffix: mi.Spectrum
@@ -49,27 +52,29 @@ class Anchor:
 class Place:
     """Where a growing path is.
 
-    Fields: ``name`` (of the path), ``anchor`` (as found before), ``arrival`` (the pair that ends
-    here), ``vertex`` (x_j), ``index`` (j).
+    Fields: ``name`` (of the path), ``stream`` (its numbers), ``anchor`` (as found before),
+    ``arrival`` (the pair that ends here), ``vertex`` (x_j), ``index`` (j).
     """
 
     name: PathName
+    stream: Stream
     anchor: Anchor
     arrival: Link
-    vertex: Vertex
+    vertex: Stored
     index: mi.UInt32
 
 
-def no_anchor(continued: bool) -> Anchor:
-    """The anchor of a path without a reconnection vertex; ``continued``: as records are."""
-    nowhere = Follower(no_vertex(), dr.zeros(mi.Vector3f), mi.Bool(False), mi.Spectrum(1))
+def no_anchor(form: Form) -> Anchor:
+    """The anchor of a path without a reconnection vertex."""
+    none = nowhere(form.compact)
+    nothing = Follower(none, dr.zeros(mi.Vector3f), mi.Bool(False), mi.Spectrum(1))
     return Anchor(
         mi.UInt32(0),
-        no_vertex(),
+        none,
         dr.zeros(mi.Vector3f),
         mi.Float(1),
         mi.Spectrum(1),
-        nowhere if continued else Absent(),
+        nothing if form.continued else Absent(),
     )
 
 
@@ -92,6 +97,46 @@ def onward(place: Place, bounce: Scattered) -> Anchor:
     return dr.select((anchor.k == 0) & free, found, replace(anchor, suffix=suffix, next=follower))
 
 
+@dataclass
+class Ahead:
+    """What a continuation is to hold: ``vertex`` x_{k+1}, ``wo`` leaving it, ``radiance`` there."""
+
+    vertex: Stored
+    wo: mi.Vector3f
+    radiance: mi.Spectrum
+
+
+@dataclass
+class Kept:
+    """What a record keeps of the light: ``arriving``, ``next``, and the ``share`` that is left."""
+
+    arriving: Any
+    next: Continuation | Absent
+    share: mi.Spectrum
+
+
+def _kept(
+    stream: Stream,
+    info: mi.UInt32,
+    radiance: mi.Spectrum,
+    ahead: Ahead | Absent,
+    light_pdf: mi.Float,
+) -> Kept:
+    """Radiance as records keep it, and what is left of it: the path's integrand is that times it.
+
+    Where the light goes on from x_{k+1} to x_k, what arrives here follows from what is kept there.
+    """
+    following: Continuation | Absent = Absent()
+    share, kind = mi.Spectrum(1), info & 7
+    if isinstance(ahead, Ahead):
+        there, left = keep_radiance(ahead.radiance, rounding(stream, info, True))
+        share = dr.select(kind == Kind.FAR, left, share)
+        following = Continuation(ahead.vertex, pack_direction(ahead.wo), there, light_pdf)
+    arriving, left = keep_radiance(radiance * share, rounding(stream, info, False))
+    used = (kind >= Kind.FAR) & (kind != Kind.LIGHT)
+    return Kept(arriving, following, dr.select(used, share * left, 1))
+
+
 def record_hit(
     place: Place,
     start: Departure,
@@ -99,8 +144,8 @@ def record_hit(
     radiance: mi.Spectrum,
     light_pdf: mi.Float,
     on_surface: mi.Bool,
-) -> PathRecord:
-    """Record of the path whose last bounce found the light at x_j.
+) -> tuple[PathRecord, mi.Spectrum]:
+    """Record of the path whose last bounce found the light at x_j; with what is :func:`_kept`.
 
     Parameters
     ----------
@@ -114,7 +159,7 @@ def record_hit(
         Whether x_j exists; otherwise the light is the environment.
     """
     anchor, arrival, here, j = place.anchor, place.arrival, place.vertex, place.index
-    anchored = anchor.k != 0
+    anchored, none = anchor.k != 0, nowhere(isinstance(here, Spot))
     from_anchor = anchored & (anchor.k + 1 == j)
     to_light = ~anchored & arrival.reaches
     mis = balance(start.pdf, light_pdf)
@@ -128,29 +173,31 @@ def record_hit(
         ),
     )
     next_kind = mi.UInt32(Kind.EMPTY)
-    continuation: Continuation | Absent = Absent()
+    ahead: Ahead | Absent = Absent()
     if isinstance(anchor.next, Follower):
         second = anchor.k + 2 == j
         found = dr.select(second, mi.UInt32(Kind.HIT), Kind.FAR)
         next_kind = dr.select(anchored & ~from_anchor & ~anchor.next.delta, found, next_kind)
-        continuation = Continuation(
-            dr.select(from_anchor, dr.select(on_surface, here, no_vertex()), anchor.next.vertex),
+        ahead = Ahead(
+            dr.select(from_anchor, dr.select(on_surface, here, none), anchor.next.vertex),
             anchor.next.wo,
             dr.select(second, radiance, anchor.next.suffix * radiance * mis),
-            light_pdf,
         )
+    info = pack_info(
+        kind, False, dr.select(anchored, anchor.k, dr.select(to_light, j, 0)), j, next_kind
+    )
+    arriving = dr.select(anchored & ~from_anchor, anchor.suffix * radiance * mis, radiance)
+    kept = _kept(place.stream, info, arriving, ahead, light_pdf)
     return PathRecord(
         place.name,
-        pack_info(
-            kind, False, dr.select(anchored, anchor.k, dr.select(to_light, j, 0)), j, next_kind
-        ),
-        dr.select(anchored, anchor.vertex, dr.select(to_light & on_surface, here, no_vertex())),
-        dr.select(anchored, anchor.wo, direction),
-        dr.select(anchored & ~from_anchor, anchor.suffix * radiance * mis, radiance),
+        info,
+        dr.select(anchored, anchor.vertex, dr.select(to_light & on_surface, here, none)),
+        pack_direction(dr.select(anchored, anchor.wo, direction)),
+        kept.arriving,
         light_pdf,
         dr.select(anchored, anchor.factor, dr.select(to_light, arrival.area_pdf, 1)),
-        continuation,
-    )
+        kept.next,
+    ), kept.share
 
 
 def record_nee(
@@ -160,8 +207,8 @@ def record_nee(
     pdf: mi.Float,
     scattered: mi.Spectrum,
     light_pdf: mi.Float,
-) -> PathRecord:
-    """Record of the path that ends in a light sampled from x_j.
+) -> tuple[PathRecord, mi.Spectrum]:
+    """Record of the path that ends in a light sampled from x_j; with what is :func:`_kept`.
 
     Parameters
     ----------
@@ -175,7 +222,7 @@ def record_nee(
         Density of the light sample [1/sr]; 0 where only that technique can find the light.
     """
     anchor, arrival, here, j = place.anchor, place.arrival, place.vertex, place.index
-    anchored = anchor.k != 0
+    anchored, none = anchor.k != 0, nowhere(isinstance(here, Spot))
     from_here = ~anchored & (pdf <= arrival.limit)
     kind = dr.select(
         anchored,
@@ -183,7 +230,7 @@ def record_nee(
         dr.select(from_here, mi.UInt32(Kind.NEE), Kind.REPLAY_NEE),
     )
     next_kind = mi.UInt32(Kind.EMPTY)
-    continuation: Continuation | Absent = Absent()
+    ahead: Ahead | Absent = Absent()
     if isinstance(anchor.next, Follower):
         second = anchor.k + 1 == j
         next_kind = dr.select(
@@ -192,27 +239,25 @@ def record_nee(
             dr.select(anchor.next.delta, mi.UInt32(Kind.EMPTY), Kind.FAR),
         )
         next_kind = dr.select(anchored, next_kind, Kind.EMPTY)
-        continuation = Continuation(
+        ahead = Ahead(
             dr.select(second, here, anchor.next.vertex),
             dr.select(second, light.d, anchor.next.wo),
             dr.select(second, light.weight, anchor.next.suffix * scattered * light.weight),
-            light_pdf,
         )
     # A light sampled before any reconnection vertex is described by the numbers that sampled it.
-    leaving = dr.select(from_here, light.d, mi.Vector3f(numbers.x, numbers.y, 0))
+    leaving = pack_direction(dr.select(anchored, anchor.wo, light.d))
+    info = pack_info(
+        kind, True, dr.select(anchored, anchor.k, dr.select(from_here, j, 0)), j + 1, next_kind
+    )
+    arriving = dr.select(anchored, anchor.suffix * scattered * light.weight, light.weight)
+    kept = _kept(place.stream, info, arriving, ahead, light_pdf)
     return PathRecord(
         place.name,
-        pack_info(
-            kind,
-            True,
-            dr.select(anchored, anchor.k, dr.select(from_here, j, 0)),
-            j + 1,
-            next_kind,
-        ),
-        dr.select(anchored, anchor.vertex, dr.select(from_here, here, no_vertex())),
-        dr.select(anchored, anchor.wo, leaving),
-        dr.select(anchored, anchor.suffix * scattered * light.weight, light.weight),
+        info,
+        dr.select(anchored, anchor.vertex, dr.select(from_here, here, none)),
+        dr.select(anchored | from_here, leaving, numbers),
+        kept.arriving,
         light_pdf,
         dr.select(anchored, anchor.factor, dr.select(from_here, arrival.area_pdf, 1)),
-        continuation,
-    )
+        kept.next,
+    ), kept.share

@@ -17,7 +17,7 @@ from ..paths.moves import Moves, move_of
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Continuation, Kind, PathRecord, kind_of, next_kind_of
 from ..paths.scattering import evaluate
-from ..paths.vertex import connected, exists, seen_from
+from ..paths.vertex import Stored, connected, displaced, exists, sight
 from .hybrid import Shifted, shift
 from .mapping import Outcome
 from .scope import Scope
@@ -58,10 +58,8 @@ def kept_pdf(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.Bool) -
     after = next_kind_of(path)
     keeps = active & (kind_of(path) == Kind.FAR) & ((after == Kind.FAR) | (after == Kind.HIT))
     lambdas, _ = scope.wavelengths(scope.stream(path.name))
-    ray_k, pi_k = seen_from(path.vertex, hit.vertex.p, lambdas)
-    si_k = pi_k.compute_surface_interaction(ray_k, active=keeps)
-    ray, pi, _ = connected(si_k, following.vertex)
-    si = pi.compute_surface_interaction(ray, active=keeps)
+    si_k = sight(path.vertex, lambda _: hit.vertex.p, lambdas, keeps).si
+    si = connected(si_k, following.vertex, keeps)[0].si
     _, pdf = evaluate(si, si.bsdf(), following.wo, keeps)
     return dr.select(keeps, pdf, 1)
 
@@ -70,23 +68,23 @@ def carried_forth(scope: Scope, source: Source, hit: PrimaryHit, moves: Moves) -
     """Paths of the scene before, in the scene after, at the primary hits of the new frame."""
     move = move_of(moves, source.path.vertex)
     placed = exists(source.path.vertex)
-    p = dr.select(placed, move.forth(source.path.vertex.p), source.path.vertex.p)
-    return _carried(scope, source, hit, p, ~(placed & move.lost))
+    vertex = dr.select(placed, displaced(source.path.vertex, move.forth), source.path.vertex)
+    return _carried(scope, source, hit, vertex, ~(placed & move.lost))
 
 
 def carried_back(scope: Scope, source: Source, hit: PrimaryHit, moves: Moves) -> Carried:
     """Paths of the scene after, in the scene before, at the primary hits of the old frame."""
     move = move_of(moves, source.path.vertex)
     placed = exists(source.path.vertex)
-    p = dr.select(placed, move.back(source.path.vertex.p), source.path.vertex.p)
-    return _carried(scope, source, hit, p, ~(placed & move.lost))
+    vertex = dr.select(placed, displaced(source.path.vertex, move.back), source.path.vertex)
+    return _carried(scope, source, hit, vertex, ~(placed & move.lost))
 
 
 def _carried(
-    scope: Scope, source: Source, hit: PrimaryHit, p: mi.Point3f, followed: mi.Bool
+    scope: Scope, source: Source, hit: PrimaryHit, vertex: Stored, followed: mi.Bool
 ) -> Carried:
     active = source.active & followed
-    there = replace(source.path, vertex=replace(source.path.vertex, p=p))
+    there = replace(source.path, vertex=vertex)
     suffix = retrace_suffix(scope, there, hit, active)
     shifted = shift(scope, suffix.path, hit, active)
     jacobian = shifted.jacobian * suffix.kept_pdf / source.kept_pdf

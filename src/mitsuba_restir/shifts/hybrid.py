@@ -94,9 +94,9 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
     limit = criterion.vertex_limit(si, bsdf, alive)
     arrival = mapping.link(head.start, head.ray, si, limit, head.index, head.footprint)
 
-    numbers = mi.Point2f(path.wo.x, path.wo.y)
-    light = sample_light(scene, si, numbers, False, by_light & can_connect(bsdf))
-    ray_k, pi_k, found = connected(si, path.vertex)
+    light = sample_light(scene, si, path.leaving, False, by_light & can_connect(bsdf))
+    seen_k, found = connected(si, path.vertex, to_vertex)
+    ray_k, si_k = seen_k.ray, seen_k.si
     direction = dr.select(to_vertex, ray_k.d, dr.select(to_environment, path.wo, light.d))
     value, pdf = evaluate(si, bsdf, direction, extends & (~by_light | light.valid))
 
@@ -107,7 +107,6 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
 
     # ------------------------------ x_k seen from y_{k-1} ---------------------------------------
 
-    si_k = pi_k.compute_surface_interaction(ray_k, active=to_vertex)
     bsdf_k = si_k.bsdf()
     start = depart(si, direction, pdf, mi.Bool(False), limit)
     limit_k = criterion.vertex_limit(si_k, bsdf_k, onward)
@@ -139,7 +138,7 @@ def _finish(scope: Scope, path: PathRecord, head: Head) -> Shifted:
     shadow = dr.select(
         to_environment,
         si.spawn_ray(direction),
-        si.spawn_ray_to(dr.select(to_vertex, path.vertex.p, light.p)),
+        si.spawn_ray_to(dr.select(to_vertex, seen_k.p, light.p)),
     )
     occluded = scene.ray_test(shadow, extends & (outcome == Outcome.OK))
     outcome = dr.select(occluded, Outcome.OCCLUDED, outcome)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.packing import keep_radiance, pack_direction, pack_radiance
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import (
     Continuation,
@@ -17,6 +18,7 @@ from ..paths.record import (
     kind_of,
     next_kind_of,
     reconnection_index,
+    rounding,
 )
 from ..paths.scattering import (
     along,
@@ -29,7 +31,7 @@ from ..paths.scattering import (
     sample_light,
     scatter,
 )
-from ..paths.vertex import compact, seen_from
+from ..paths.vertex import Spot, displaced, sight, stored
 from .scope import Scope
 
 
@@ -62,9 +64,8 @@ def retrace_suffix(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.B
     from_vertex = active & (kind >= Kind.FAR) & (kind <= Kind.HIT)
 
     # Where the geometry moved, a vertex of a mesh moves with it.
-    ray_k, pi_k = seen_from(path.vertex, hit.vertex.p, lambdas)
-    si_k = pi_k.compute_surface_interaction(ray_k, active=active)
-    moved = dr.select(si_k.is_valid(), si_k.p, path.vertex.p)
+    si_k = sight(path.vertex, lambda _: hit.vertex.p, lambdas, active).si
+    moved = displaced(path.vertex, lambda p: dr.select(si_k.is_valid(), si_k.p, p))
 
     # ------------------------------ light sampled from x_k --------------------------------------
 
@@ -84,7 +85,7 @@ def retrace_suffix(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.B
     # ------------------------------ longer suffixes ---------------------------------------------
 
     walking = from_vertex & (kind == Kind.FAR) & pi.is_valid()
-    after = compact(pi, si.p)  # x_{k+1}
+    after = stored(pi, si.p, isinstance(path.vertex, Spot))  # x_{k+1}
     after_wo = mi.Vector3f(path.wo)  # direction leaving it
     j = k + 1
     throughput = mi.Spectrum(1)  # of the bounces after x_k
@@ -150,16 +151,20 @@ def retrace_suffix(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.B
     sampled_pdf = dr.select(light.delta, 0, light.pdf)
     following = path.next
     if isinstance(following, Continuation):
+        there, left = keep_radiance(after_radiance, rounding(stream, path.info, True))
+        # What arrives follows from what is kept, as when the path was found.
+        radiance = dr.select(kind == Kind.FAR, radiance * left, radiance)
         following = dr.select(
             from_vertex & ~sampled,
-            Continuation(after, after_wo, after_radiance, after_pdf),
+            Continuation(after, pack_direction(after_wo), there, after_pdf),
             following,
         )
+    arriving = pack_radiance(radiance, rounding(stream, path.info, False))
     traced = replace(
         path,
-        vertex=replace(path.vertex, p=moved),
-        wo=dr.select(sampled, light.d, path.wo),
-        radiance=dr.select(from_vertex | to_environment, radiance, path.radiance),
+        vertex=moved,
+        leaving=dr.select(sampled, pack_direction(light.d), path.leaving),
+        arriving=dr.select(from_vertex | to_environment, arriving, path.arriving),
         light_pdf=dr.select(found, light_pdf, dr.select(sampled, sampled_pdf, path.light_pdf)),
         next=following,
     )
