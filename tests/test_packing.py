@@ -157,7 +157,7 @@ def test_rays_start_where_the_camera_starts_them(rgb, sensor):
         }
     )
     camera, key = scene.sensors()[0], FrameKey(mi.UInt32(0), mi.UInt32(3))
-    now = primary(scene, camera_rays(camera, grid_of(16, 9), key), False, True)
+    now = primary(scene, camera_rays(camera, grid_of(16, 9), key), None, False, True)
     ray, _ = camera.sample_ray(0, 0, now.film, now.lens)
     there = now.hit.vertex.surface != 0
     assert dr.any(there)

@@ -68,7 +68,7 @@ def hits_of(*shapes):
         }
     )
     hits = primary(
-        scene, camera_rays(scene.sensors()[0], grid_of(*SIZE), key(0, 0)), False, False
+        scene, camera_rays(scene.sensors()[0], grid_of(*SIZE), key(0, 0)), None, False, False
     ).hit
     dr.make_opaque(hits)
     return hits, scene

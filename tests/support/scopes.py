@@ -14,6 +14,7 @@ from mitsuba_restir.mutations.proposals import MoveReconnectionVertex
 from mitsuba_restir.mutations.surrogate import MoveInPlane
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.primary_hit import PrimaryHit
+from mitsuba_restir.paths.spectrum import spectra_of
 from mitsuba_restir.paths.vertex import Stored, sight
 from mitsuba_restir.resampling.reservoir import Reservoir
 from mitsuba_restir.sampling.streams import FrameKey
@@ -26,14 +27,14 @@ def scope_maker(renderer: Any) -> Callable[..., Scope]:
     For recorded functions: Dr.Jit goes through all that such a function refers to and keeps it, and
     this refers to the plan of the frames, not to the renderer with its history and scene.
     """
-    plan, dither = renderer._plan, renderer._dither
+    plan, dither, sensitivity = renderer._plan, renderer._dither, renderer._sensitivity
 
     def make(
         scene: mi.Scene, sensor: mi.Sensor | None = None, number: Any = 0, seed: Any = 0
     ) -> Scope:
         return Scope(
             scene,
-            sensor if mi.is_spectral else None,
+            None if sensor is None else spectra_of(sensor, sensitivity),
             plan.mapping,
             plan.limits,
             grid_of(plan.width, plan.height),

@@ -36,6 +36,7 @@ from ..passes.temporal import (
 from ..paths.camera import Camera
 from ..paths.moves import Moves
 from ..paths.primary_hit import Primary
+from ..paths.spectrum import Spectra
 from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
 from ..resampling.subsets import Round
@@ -56,9 +57,11 @@ from .frame_data import (
 )
 
 
-def meet_surfaces(plan: Plan, scene: mi.Scene, rays: CameraRays) -> Primary:
+def meet_surfaces(
+    plan: Plan, scene: mi.Scene, rays: CameraRays, spectra: Spectra | None
+) -> Primary:
     """Before both halves of a frame: primary hits."""
-    now = primary(scene, rays, plan.parameters.hide_emitters, plan.form.compact)
+    now = primary(scene, rays, spectra, plan.parameters.hide_emitters, plan.form.compact)
     dr.eval(now)
     return now
 

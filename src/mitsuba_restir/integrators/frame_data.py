@@ -20,6 +20,7 @@ from ..paths.primary_hit import Primary, PrimaryHit, no_primary_hits
 from ..paths.record import Form
 from ..paths.reshaped import drop_reshaped
 from ..paths.settings import PathLimits
+from ..paths.spectrum import Spectra
 from ..resampling.pairwise import PairEstimators
 from ..resampling.reservoir import Reservoir, empty_reservoir
 from ..sampling.dither import Dither
@@ -49,12 +50,12 @@ class History:
 class Setting:
     """What both stages of a frame are given.
 
-    Fields: ``scene``, ``sensor`` (samples wavelengths; None where there are none), ``now`` (the
+    Fields: ``scene``, ``spectra`` (wavelengths; None where there are none), ``now`` (the
     frame's primary hits), ``key``, ``dither`` (of the paths' first random numbers; None without).
     """
 
     scene: mi.Scene
-    sensor: mi.Sensor | None
+    spectra: Spectra | None
     now: Primary
     key: FrameKey
     dither: Dither | None
@@ -230,7 +231,7 @@ class Plan:
         """The scope of a stage."""
         return Scope(
             setting.scene,
-            setting.sensor,
+            setting.spectra,
             self.mapping,
             self.limits,
             grid_of(self.width, self.height),

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
-import mitsuba as mi
 
 from ..errors import root
 from .flat import Structure, flatten, unflatten
@@ -42,8 +41,7 @@ class Stage:
 
     Freezing skips re-tracing the Python code; the kernels are the same, so the images are too. Some
     scenes cannot be recorded, because Mitsuba 3.9 does not expose all of their state (a bitmap on
-    an area light; ``ellipsoidsmesh``; the colour matching tables of spectral variants): they are
-    traced every frame.
+    an area light; ``ellipsoidsmesh``): they are traced every frame.
     """
 
     def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
@@ -55,7 +53,7 @@ class Stage:
 
         self._traced = traced
         self._signatures: dict[Structure, _Signature] = {}
-        self._recordable = not mi.is_spectral
+        self._recordable = True
         self.forget()
 
     def forget(self) -> None:

@@ -14,6 +14,7 @@ from ..neighbors.strategies import layouts
 from ..passes.shade import AOVS
 from ..paths.camera import REPROJECTABLE, Camera, copy_camera
 from ..paths.packing import fits_compact
+from ..paths.spectrum import sensitivity, spectra_of
 from ..sampling.streams import FrameKey
 from .border import (
     WORDS,
@@ -142,11 +143,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
             self.prepare(scene, sensor)
             self.frame = None
             key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
+            spectra = spectra_of(sensor, self._sensitivity)
             change, self._change = self._change, None
             settle(sensor, self.aov_names())
             with collection_paused():
                 assert self._history is not None
-                setting = self._stages.setting(scene, sensor, key, self._dither)
+                setting = self._stages.setting(scene, sensor, spectra, key, self._dither)
                 sampled = self._stages.sample(setting, self._history, self._camera, spp, change)
                 # The old history is released here, so that it does not count at the frame's peak.
                 self._history = None
@@ -266,6 +268,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self._watch = SceneWatch(scene)
         self._layouts = layouts(parameters.neighbor_sampling, parameters.radii)
         self._dither = dither_of(parameters)
+        self._sensitivity = sensitivity()
         self._record_stages(scene)
 
     def _record_stages(self, scene: mi.Scene) -> None:

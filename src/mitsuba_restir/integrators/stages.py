@@ -13,6 +13,7 @@ from ..guiding.policy import teaches
 from ..passes.primary import camera_rays
 from ..paths.camera import Camera
 from ..paths.grid import grid_of
+from ..paths.spectrum import Spectra
 from ..sampling.dither import Dither
 from ..sampling.streams import FrameKey
 from .change import Change
@@ -67,7 +68,12 @@ class Stages:
         return (*first, self._mutate, self._share, self._show)
 
     def setting(
-        self, scene: mi.Scene, sensor: mi.Sensor, key: FrameKey, dither: Dither | None
+        self,
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        spectra: Spectra | None,
+        key: FrameKey,
+        dither: Dither | None,
     ) -> Setting:
         """What the stages are given; the camera rays are sampled and traced here.
 
@@ -76,8 +82,8 @@ class Stages:
         """
         rays = camera_rays(sensor, grid_of(*sensor.film().crop_size()), key)
         dr.eval(rays)
-        now = self._meet(scene, rays)
-        return Setting(scene, sensor if mi.is_spectral else None, now, key, dither)
+        now = self._meet(scene, rays, spectra)
+        return Setting(scene, spectra, now, key, dither)
 
     def sample(
         self,

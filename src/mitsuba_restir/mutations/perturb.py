@@ -39,7 +39,6 @@ from ..paths.scattering import (
     nee_weight,
     sample_light,
 )
-from ..paths.spectrum import response
 from ..paths.vertex import Stored, connection, exists
 from ..shifts.connectability import depart
 from ..shifts.ending import Ends, ending, own_factor
@@ -143,7 +142,7 @@ def at_vertex(
         factor=own_factor(kind, pair, pdf_k),
     )
     ends = Ends(kind, value, pdf, value_k, pdf_k, light, emitted, emitted_pdf, mi.Float(0))
-    color = response(pivot.throughput * ending(moved, ends), pivot.lambdas)
+    color = scope.response(pivot.throughput * ending(moved, ends), pivot.lambdas)
 
     density = dr.select(by_numbers, 1, pdf)
     density *= dr.select(far | hit, pdf_k * dr.select(ahead, geometry, 1), 1)

@@ -26,7 +26,7 @@ from ..paths.scattering import (
     nee_weight,
     sample_light,
 )
-from ..paths.spectrum import response, target
+from ..paths.spectrum import target
 from ..paths.vertex import exists, stored
 from ..resampling.reservoir import (
     Refused,
@@ -156,12 +156,14 @@ def _tree(
         radiance, light_pdf = emission(scene, si, start.p, arrived)
         light_pdf = dr.select(start.delta, 0, light_pdf)
         path, kept = record_hit(place, start, ray.d, radiance, light_pdf, si.is_valid())
-        color = response(throughput * radiance * balance(start.pdf, light_pdf) * kept, lambdas)
+        color = scope.response(
+            throughput * radiance * balance(start.pdf, light_pdf) * kept, lambdas
+        )
         odds = ledger.inverse(anchored | arrival.reaches) / survival
         weight = target(color) * odds
         refused = refuse(refused, color * odds, arrived & ~fits(streaming, weight))
         streaming = offer(streaming, path, color, weight, uniform(choices, j, 0), arrived)
-        found = response(radiance * balance(start.pdf, light_pdf), lambdas)
+        found = scope.response(radiance * balance(start.pdf, light_pdf), lambdas)
         found = dr.select(arrived, target(found), 0)
         outlook = policy.roulette.arrive(outlook, si, j, found, active)
 
@@ -176,7 +178,7 @@ def _tree(
         light_pdf = dr.select(light.delta, 0, light.pdf)
         mis = nee_weight(light_pdf, pdf)
         path, kept = record_nee(place, light, numbers, pdf, value * mis, light_pdf)
-        color = response(throughput * value * light.weight * mis * kept, lambdas)
+        color = scope.response(throughput * value * light.weight * mis * kept, lambdas)
         odds = ledger.inverse(anchored | (pdf <= arrival.limit)) / survival
         weight = target(color) * odds
         refused = refuse(refused, color * odds, light.valid & ~fits(streaming, weight))
@@ -192,9 +194,9 @@ def _tree(
         ledger = ledger.after(anchor.k != 0, factors)
         # A guided bounce that a replay would have to repeat leads to no candidate.
         active &= ledger.settled > 0
-        sampled = response(value * light.weight * mis, lambdas)
-        worth = target(response(throughput, lambdas)) / (survival * ledger.settled)
-        step = target(response(bounce.weight, lambdas)) / factors.stored
+        sampled = scope.response(value * light.weight * mis, lambdas)
+        worth = target(scope.response(throughput, lambdas)) / (survival * ledger.settled)
+        step = target(scope.response(bounce.weight, lambdas)) / factors.stored
         throughput *= bounce.weight
         eta *= bounce.eta
         start = depart_scattered(si, bounce, limit)

@@ -11,7 +11,7 @@ from ..paths.camera import Eye, eye_of
 from ..paths.grid import Grid
 from ..paths.packing import pack_facing
 from ..paths.primary_hit import Primary, PrimaryHit
-from ..paths.spectrum import response
+from ..paths.spectrum import Spectra, response
 from ..paths.vertex import compact
 from ..sampling.streams import WAVELENGTH, FrameKey, PathName, Purpose, uniform2
 from ..shifts.connectability import pixel_footprint
@@ -51,7 +51,13 @@ def camera_rays(sensor: mi.Sensor, grid: Grid, key: FrameKey) -> CameraRays:
     return CameraRays(ray, importance, film, lens, eye_of(sensor))
 
 
-def primary(scene: mi.Scene, rays: CameraRays, hides_emitters: bool, small: bool) -> Primary:
+def primary(
+    scene: mi.Scene,
+    rays: CameraRays,
+    spectra: Spectra | None,
+    hides_emitters: bool,
+    small: bool,
+) -> Primary:
     """Trace the camera rays of a frame.
 
     Parameters
@@ -78,7 +84,7 @@ def primary(scene: mi.Scene, rays: CameraRays, hides_emitters: bool, small: bool
     hit = PrimaryHit(compact(pi, si.p, small), facing, rays.eye or mi.Point3f(ray.o))
     return Primary(
         hit,
-        response(emitted, ray.wavelengths),
+        response(spectra, emitted, ray.wavelengths),
         mi.Float(1 if shows_sky else 0),
         rays.film,
         rays.lens,

@@ -19,7 +19,6 @@ import mitsuba as mi
 from ..paths.primary_hit import PrimaryHit
 from ..paths.record import Kind, PathRecord, edge_count, kind_of, reconnection_index
 from ..paths.scattering import can_connect, emission, evaluate, sample_light
-from ..paths.spectrum import response
 from ..paths.vertex import connected, exists
 from .connectability import depart
 from .ending import Ends, ending, own_factor
@@ -70,7 +69,7 @@ def shift(scope: Scope, path: PathRecord, hit: PrimaryHit, active: mi.Bool) -> S
     head.outcome = dr.select(present, outcome, Outcome.EMPTY)
 
     shifted = _finish(scope, path, head)
-    shifted.color = response(shifted.color, lambdas)
+    shifted.color = scope.response(shifted.color, lambdas)
     return shifted
 
 

@@ -8,7 +8,7 @@ import mitsuba as mi
 
 from ..paths.grid import Grid
 from ..paths.settings import PathLimits
-from ..paths.spectrum import wavelengths
+from ..paths.spectrum import Spectra, response, wavelengths
 from ..sampling.dither import Dither
 from ..sampling.streams import FrameKey, PathName, Stream
 from .mapping import ShiftMapping
@@ -18,13 +18,13 @@ from .mapping import ShiftMapping
 class Scope:
     """Built once a stage.
 
-    Fields: ``scene``, ``sensor`` (samples wavelengths; None in RGB and monochrome), ``mapping``,
+    Fields: ``scene``, ``spectra`` (wavelengths; None in RGB and monochrome), ``mapping``,
     ``limits``, ``grid``, ``key`` (of the frame), ``dither`` (where the first random numbers of
     every path come from; None is the hash alone).
     """
 
     scene: mi.Scene
-    sensor: mi.Sensor | None
+    spectra: Spectra | None
     mapping: ShiftMapping
     limits: PathLimits
     grid: Grid
@@ -39,4 +39,8 @@ class Scope:
 
     def wavelengths(self, stream: Stream) -> tuple[mi.Spectrum, mi.Spectrum]:
         """Wavelengths [nm] of the path with this stream, and the weight of having sampled them."""
-        return wavelengths(self.sensor, stream)
+        return wavelengths(self.spectra, stream)
+
+    def response(self, value: mi.Spectrum, lambdas: mi.Spectrum) -> mi.Color3f:
+        """Sensor response (linear sRGB) to a spectral value."""
+        return response(self.spectra, value, lambdas)
