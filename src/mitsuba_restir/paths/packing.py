@@ -44,7 +44,7 @@ def fits_compact(scene: mi.Scene) -> bool:
     are meshes or shapes that need no coordinates beside a position.
     """
     shapes = scene.shapes()
-    if any(not shape.is_mesh() and shape.class_name() not in BY_POSITION for shape in shapes):
+    if not all(map(_needs_one_place, shapes)):
         return False
     if any(shape.primitive_count() > 1 << SMALL_BITS for shape in shapes):
         return False
@@ -53,6 +53,11 @@ def fits_compact(scene: mi.Scene) -> bool:
 
 BY_POSITION = ("Sphere", "Cylinder")
 """Classes of shapes whose interactions follow from a position alone."""
+
+
+def _needs_one_place(shape: mi.Shape) -> bool:
+    by_coordinates = shape.is_mesh() and not shape.is_ellipsoids()
+    return by_coordinates or shape.class_name() in BY_POSITION
 
 
 def pack_compact(pi: mi.PreliminaryIntersection3f) -> mi.UInt32:
