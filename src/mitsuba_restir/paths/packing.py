@@ -22,8 +22,8 @@ INSTANCE_BITS, LOW_BITS, PRIMITIVE_BITS = 20, 10, 23
 """Of an instanced surface: its instance's number and the lower bits of its part fill up the first
 word, its primitive and the upper bits of its part the second one."""
 
-MOST_INSTANCES = (1 << INSTANCE_BITS) - 1
-"""Largest number of an instance that can be stored."""
+MOST_INSTANCES, MOST_PRIMITIVES = (1 << INSTANCE_BITS) - 1, 1 << PRIMITIVE_BITS
+"""Largest number of an instance that can be stored, and most primitives of its shape group."""
 
 LOWEST_EXPONENT = 7
 """Exponent of the least radiance, as single precision stores it: less is rounded to 0 or to it."""
