@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mitsuba_restir.integrators import border
 from mitsuba_restir.passes.primary import camera_rays, primary
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.paths.packing import (
@@ -215,3 +216,25 @@ def test_other_radiance_is_kept_as_it_is(variant, request):
     packed, share = keep_radiance(value, words(1))
     np.testing.assert_array_equal(np.array(unpack_radiance(packed)), np.array(value))
     np.testing.assert_array_equal(np.array(share), 1)
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ("MOST_PRIMITIVES", "instance 'copy' shows 12 primitives, of 1 at most"),
+        ("MOST_INSTANCES", "of this process, which may be 1 at most"),
+    ],
+)
+def test_more_instances_than_can_be_told_apart_are_refused(rgb, monkeypatch, limit, words):
+    monkeypatch.setattr(border, limit, 1)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "floor": {"type": "rectangle"},
+            "group": {"type": "shapegroup", "box": {"type": "cube"}},
+            "copy": {"type": "instance", "group": {"type": "ref", "id": "group"}},
+        },
+        parallel=False,
+    )
+    with pytest.raises(ValueError, match=words):
+        border.check_scene(scene)

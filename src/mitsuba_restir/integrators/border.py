@@ -9,7 +9,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..paths.packing import MOST_INSTANCES, number_of
+from ..paths.packing import MOST_INSTANCES, MOST_PRIMITIVES, number_of
 
 WORDS = 2**32
 """Seeds and samples are counted by words of 32 bits."""
@@ -110,9 +110,16 @@ def check_scene(scene: mi.Scene) -> None:
     Raises
     ------
     ValueError
-        If a shape of the scene bounds a medium, or an instance has too large a number.
+        If a shape of the scene bounds a medium, or an instance has too large a number or group.
     """
     instances = [shape for shape in scene.shapes() if shape.class_name() == "Instance"]
+    for instance in instances:
+        count = instance.effective_primitive_count()
+        if count > MOST_PRIMITIVES:
+            raise ValueError(
+                f"restir_pt: instance {instance.id()!r} shows {count} primitives, of "
+                f"{MOST_PRIMITIVES} at most; split its shape group"
+            )
     if instances:
         largest = int(dr.max(number_of(mi.ShapePtr(instances)))[0])
         if largest > MOST_INSTANCES:

@@ -22,13 +22,11 @@ INSTANCE_BITS, LOW_BITS, PRIMITIVE_BITS = 20, 10, 23
 """Of an instanced surface: its instance's number and the lower bits of its part fill up the first
 word, its primitive and the upper bits of its part the second one."""
 
-MOST_INSTANCES = (1 << INSTANCE_BITS) - 1
-"""Largest number of an instance that can be stored."""
-
+MOST_INSTANCES, MOST_PRIMITIVES = (1 << INSTANCE_BITS) - 1, 1 << PRIMITIVE_BITS
+"""Largest number of an instance that can be stored, and most primitives of its shape group."""
 
 LOWEST_EXPONENT = 7
 """Exponent of the least radiance, as single precision stores it: less is rounded to 0 or to it."""
-
 
 ON_MESH = 1 << 31
 """Bit of a compact surface: it is a mesh, so that coordinates say where a point of it is."""
@@ -37,22 +35,27 @@ SMALL_BITS = 20
 """Bits of the primitive of a compact surface; its shape's number has the 11 others."""
 
 
-def fits_compact(scene: mi.Scene) -> bool:
-    """Whether the surfaces of a scene, and where points of them are, fit into four words.
+BY_POSITION = ("Sphere", "Cylinder")
+"""Classes of shapes whose interactions follow from a position alone."""
 
-    So they do without instances, where shapes have small numbers and not too many primitives, and
-    are meshes or shapes that need no coordinates beside a position.
+
+def fits_compact(scene: mi.Scene) -> bool:
+    """Whether a surface of the scene fits into one word, and where a point of it is into three.
+
+    That is so where there are no instances, shapes have small numbers and at most 2^20 primitives,
+    and all of them are meshes or need no coordinates beside a position.
     """
     shapes = scene.shapes()
-    if any(not shape.is_mesh() and shape.class_name() not in BY_POSITION for shape in shapes):
+    if not all(map(_needs_one_place, shapes)):
         return False
     if any(shape.primitive_count() > 1 << SMALL_BITS for shape in shapes):
         return False
     return not shapes or int(dr.max(number_of(mi.ShapePtr(shapes)))[0]) < 1 << (31 - SMALL_BITS)
 
 
-BY_POSITION = ("Sphere", "Cylinder")
-"""Classes of shapes whose interactions follow from a position alone."""
+def _needs_one_place(shape: mi.Shape) -> bool:
+    by_coordinates = shape.is_mesh() and not shape.is_ellipsoids()
+    return by_coordinates or shape.class_name() in BY_POSITION
 
 
 def pack_compact(pi: mi.PreliminaryIntersection3f) -> mi.UInt32:
