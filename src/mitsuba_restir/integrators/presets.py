@@ -12,8 +12,9 @@ PRESETS: Mapping[str, Mapping[str, Value]] = {
     "raw": {
         "guiding": True,
         "roulette": "contribution",
-        "spatial_rounds": 2,
-        "spatial_radius": 10.0,
+        "spatial_rounds": 3,
+        "spatial_radius": 14.0,
+        "spatial_shrink": 0.6,
         "spatial_feedback": 1,
     },
     "denoised": {
