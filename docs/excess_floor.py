@@ -1,10 +1,12 @@
 """The figure of docs/decorrelation.md: large-scale error by cap, and the least that it could be.
 
-    mitsuba-restir evaluate excess -o DIR
-    python docs/excess_floor.py DIR    # writes docs/excess_floor.png
+    python docs/excess_floor.py        # writes docs/excess_floor.png
 
-Left: as how many frames of candidates a history counts, by its length. Right: what is left of a
-frame's error behind a Gaussian of 8 pixels, measured, and its floor.
+As how many frames of candidates a history counts, by its length. With the results of a study beside
+it, also what is left of a frame's error behind a Gaussian of 8 pixels, measured, and its floor:
+
+    mitsuba-restir evaluate excess -o DIR
+    python docs/excess_floor.py DIR
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mitsuba_restir.analysis.reuse import Reuse, reach
+from mitsuba_restir.passes.temporal import YOUNG
 
 CAPS = (5, 20, 50, 100)
 LENGTHS = (1, 2, 3, 5, 10, 20, 35, 50, 75, 100, 150, 200, 300, 400)
@@ -28,10 +31,21 @@ Values = Mapping[tuple[str, str], tuple[float, float, float]]
 """Value and interval by variant and quantity."""
 
 
+def values_of(folder: Path) -> Values:
+    """What a study has measured."""
+    records = json.loads((folder / "results.json").read_text("utf-8"))
+    return {
+        (r["variant"], r["quantity"]): (r["value"], r["low"], r["high"])
+        for r in records
+        if re.match("variance through|excess", r["quantity"])
+    }
+
+
 def draw_frames(axes: Axes) -> None:
     """Effective frames by length of the history."""
     for cap in CAPS:
-        counts = [reach(Reuse(n, cap, 3, (20.0,)), (18, 32), 8.0).frames for n in LENGTHS]
+        shared = [Reuse(n, cap, 3, (20.0,), young=YOUNG) for n in LENGTHS]
+        counts = [reach(reuse, (18, 32), 8.0).frames for reuse in shared]
         axes.plot(LENGTHS, counts, ".-", label=f"cap {cap}")
     axes.set(
         xlabel="frames of history",
@@ -69,17 +83,13 @@ def draw_errors(axes: Axes, values: Values) -> None:
 
 
 def main() -> None:
-    """Draw both."""
-    records = json.loads((Path(sys.argv[1]) / "results.json").read_text("utf-8"))
-    values = {
-        (r["variant"], r["quantity"]): (r["value"], r["low"], r["high"])
-        for r in records
-        if re.match("variance through|excess", r["quantity"])
-    }
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    """Draw what there is."""
+    studies = sys.argv[1:]
+    figure = Figure(figsize=(5.5 * (1 + len(studies)), 4.2), layout="constrained")
+    left, *others = figure.subplots(1, 1 + len(studies), squeeze=False)[0]
     draw_frames(left)
-    draw_errors(right, values)
+    for axes, folder in zip(others, studies, strict=True):
+        draw_errors(axes, values_of(Path(folder)))
     figure.savefig(Path(__file__).with_suffix(".png"), dpi=110)
 
 

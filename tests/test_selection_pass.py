@@ -22,7 +22,13 @@ from support.pixels import image_of, lanes_of, order
 
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.neighbors import color_history
-from mitsuba_restir.neighbors.around import OFFSETS, local_mean, similar_neighbors, spaced_pixels
+from mitsuba_restir.neighbors.around import (
+    OFFSETS,
+    local_mean,
+    similar_further,
+    similar_neighbors,
+    spaced_pixels,
+)
 from mitsuba_restir.neighbors.color_history import ColorHistory, no_color_history
 from mitsuba_restir.neighbors.reproject import Motion
 from mitsuba_restir.neighbors.similarity import similar
@@ -109,8 +115,9 @@ def key(sample, seed):
 
 
 def neighborhoods(hits):
-    """Similar neighbours at step 1 and 2."""
-    return [similar_neighbors(grid_of(*SIZE), hits, step) for step in (1, 2)]
+    """Similar neighbours, and those twice as far away."""
+    alike = similar_neighbors(grid_of(*SIZE), hits)
+    return alike, similar_further(grid_of(*SIZE), alike)
 
 
 def everywhere(count=PAIRS + 1):
@@ -154,7 +161,7 @@ def test_only_candidates_are_shown(wall):
     options = [(mean, np.ones_like(valid[0]))]
     for value, used in zip(values, valid, strict=True):
         step = (mean - value) / np.maximum(pairs, 1)
-        options += [(mean + step, used & (pairs > 1)), (mean - step, used & (pairs > 1))]
+        options.append((mean + step, used & (pairs > 1)))
     for i, j in itertools.combinations(range(PAIRS + 1), 2):
         options.append(((values[i] + values[j]) / 2, valid.all(0)))
     # Convex combinations of estimates: nothing becomes negative.
@@ -180,12 +187,12 @@ def test_estimates_of_earlier_rounds_are_shown(wall):
     ]
     aim = select.Aim(color(reference), neighborhoods(wall)[0], 1.0)
     shown = image(select.choose(grid_of(*SIZE), key(0, 1), rounds, aim)).transpose(2, 0, 1)
-    steps = [sign * (first - value) / PAIRS for value in values for sign in (1, -1)]
+    steps = [(first - value) / PAIRS for value in values]
     distance = np.stack(
         [np.abs(option - shown).max(0) for option in (last, *(first + s for s in steps))]
     )
     assert distance.min(0).max() < 1e-5
-    assert np.bincount(distance.argmin(0).ravel(), minlength=9).min() > 100
+    assert np.bincount(distance.argmin(0).ravel(), minlength=5).min() > 100
 
 
 def test_no_candidate_is_below_zero(rgb):
@@ -195,12 +202,12 @@ def test_no_candidate_is_below_zero(rgb):
     pixels = PairEstimators([color(v) for v in np.roll(values, 1, axis=0)], everywhere())
     mean = sum(pixels.colors, mi.Color3f(0)) / (PAIRS + 1)
     lowest = [float(dr.min(dr.min(c))[0]) for c, _ in candidates([Round(mean, pixels)])]
-    assert len(lowest) == 2 * (PAIRS + 1) + 6
+    assert len(lowest) == PAIRS + 1 + 6
     assert min(lowest) == 0
 
 
 def test_every_choice_is_the_best_when_it_is_made(wall):
-    # For the pixels of the last set, whose neighbours have all chosen. No error is out of bounds.
+    # For the pixels of the last set, whose neighbours have all chosen.
     values, mean, reference = random_frame(shape=4.0)
     estimators = PairEstimators([color(v) for v in values], everywhere())
     shown = chosen(wall, color(mean), estimators, color(reference), sample=5)
@@ -221,7 +228,7 @@ def test_every_choice_is_the_best_when_it_is_made(wall):
     own, plain = cost(shown), mean.transpose(1, 2, 0)
     for value in values:
         step = (plain - value.transpose(1, 2, 0)) / PAIRS
-        for option in (plain, plain + step, plain - step):
+        for option in (plain, plain + step):
             assert np.all(own <= cost(option) + 1e-3)
     assert np.mean(own < cost(plain) - 1e-3) > 0.5
 
@@ -237,26 +244,42 @@ def test_sets_cover_the_image_once(rgb):
     assert max(max(abs(x), abs(y)) for x, y in OFFSETS) < select.SPACING
 
 
-@pytest.mark.parametrize("step", [1, 2])
-def test_similar_neighbors_and_local_mean(edges, step):
-    grid = grid_of(*SIZE)
-    alike = similar_neighbors(grid, edges, step)
-    bits = image_of(alike, WIDTH, HEIGHT)
-    values = np.random.default_rng(0).random((HEIGHT, WIDTH)).astype(np.float32)
-    means = image_of(local_mean(grid, mi.Float(lanes_of(values)), alike, step), WIDTH, HEIGHT)
+def to_neighbors(step):
+    """Of every pixel's neighbours: where they are, and whether that is in the image."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
-    total, count = values.astype(float), np.ones((HEIGHT, WIDTH))
-    for i, (dx, dy) in enumerate(OFFSETS):
+    for dx, dy in OFFSETS:
         there_x, there_y = x + step * dx, y + step * dy
         inside = (there_x >= 0) & (there_x < WIDTH) & (there_y >= 0) & (there_y < HEIGHT)
-        there = np.where(inside, there_y, 0), np.where(inside, there_x, 0)
-        index = lanes_of(order(WIDTH, HEIGHT)[there])
-        other = dr.gather(type(edges), edges, mi.UInt32(index))
-        expected = inside & image_of(similar(edges, other), WIDTH, HEIGHT)
-        np.testing.assert_array_equal((bits >> i) & 1, expected)
-        total += np.where(expected, values[there], 0)
-        count += expected
-    np.testing.assert_allclose(means, total / count, rtol=1e-5)
+        yield (np.where(inside, there_y, 0), np.where(inside, there_x, 0)), inside
+
+
+def test_similar_neighbors(edges):
+    alike, further = (image_of(found, WIDTH, HEIGHT) for found in neighborhoods(edges))
+    for i, (there, inside) in enumerate(to_neighbors(1)):
+        other = dr.gather(type(edges), edges, mi.UInt32(lanes_of(order(WIDTH, HEIGHT)[there])))
+        pair = (edges, other) if i >= len(OFFSETS) // 2 else (other, edges)
+        expected = inside & image_of(similar(*pair), WIDTH, HEIGHT)
+        np.testing.assert_array_equal((alike >> i) & 1, expected)
+        np.testing.assert_array_equal((further >> i) & 1, expected & (alike[there] >> i))
+    # To be alike is mutual.
+    for i, (there, inside) in enumerate(to_neighbors(1)):
+        back = (alike[there] >> (len(OFFSETS) - 1 - i)) & 1
+        np.testing.assert_array_equal((alike >> i) & 1, inside & back)
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_local_mean(edges, step):
+    alike = neighborhoods(edges)[step - 1]
+    bits = image_of(alike, WIDTH, HEIGHT)
+    values = np.random.default_rng(0).random((HEIGHT, WIDTH)).astype(np.float32)
+    means = image(local_mean(grid_of(*SIZE), color(values), alike, step))
+    total, count = values.astype(float), np.ones((HEIGHT, WIDTH))
+    for i, (there, inside) in enumerate(to_neighbors(step)):
+        used = ((bits >> i) & 1).astype(bool)
+        assert np.all(inside[used])
+        total += np.where(used, values[there], 0)
+        count += used
+    np.testing.assert_allclose(means[..., 1], total / count, rtol=1e-5)
     assert count.min() < count.max() == len(OFFSETS) + 1
 
 
@@ -382,17 +405,21 @@ class Field:
     paired: float = 1.0  # share of neighbours that are valid
     darkness: float = 1.0  # mean on one side of the edges
     speed: int = 0  # of the edges [pixels per frame]
+    calm: bool = False  # the estimates of the left half are those of "smooth"
+    drift: float = 0.0  # what the history of the left half becomes brighter by in a frame
 
 
 FIELDS = {
     "smooth": Field(0.001),
     "heavy tails": Field(0.007, lit=0.15, shape=1.0),
     "heavier tails": Field(0.018, lit=0.15, shape=0.3),
+    "rare light beside a calm half": Field(0.02, lit=0.05, shape=1.0, calm=True),
+    "history that drifts": Field(0.01, drift=0.001),
     "heavy tails, ranked": Field(0.007, lit=0.15, shape=1.0, ranked=True),
     "heavy tails, blue": Field(0.007, lit=0.15, shape=1.0, tint=(0.05, 0.05, 1.0)),
     "heavy tails, few pairs": Field(0.012, lit=0.15, shape=1.0, paired=0.6),
     "shadow edge": Field(0.015, darkness=0.1),
-    "moving shadow edge": Field(0.035, darkness=0.1, speed=1),
+    "moving shadow edge": Field(0.045, darkness=0.1, speed=1),
     "moving shadow edge, heavy tails": Field(0.3, lit=0.15, shape=1.0, darkness=0.1, speed=1),
 }
 
@@ -405,9 +432,12 @@ def light(field, frame):
 
 
 def regions(field, frame):
-    """All pixels; the 8 columns that each edge has just passed, or 3 on each side of it."""
+    """All pixels; the halves that differ; the 8 columns that each edge has just passed, or
+    3 on each side of it."""
     column = np.broadcast_to(np.arange(WIDTH), (HEIGHT, WIDTH))
     found = [np.ones_like(column, bool)]
+    if field.calm or field.drift:
+        found += [column < WIDTH // 2, column >= WIDTH // 2]
     if field.darkness < 1.0:
         reach = np.arange(-8, 0) if field.speed else np.arange(-3, 3)
         edges = (field.speed * frame, field.speed * frame + WIDTH // 2)
@@ -415,12 +445,13 @@ def regions(field, frame):
     return found
 
 
-def sequence(hits, field):
+def sequence(hits, field, warmup=WARMUP, frames=FRAMES):
     """Yield (frame, plain average, shown) of independent frames after the warm-up."""
     rng = np.random.default_rng(0)
 
     @dr.freeze
-    def step(hits, before, colors, valid, sample, seed):
+    def step(hits, before, drift, colors, valid, sample, seed):
+        before = replace(before, color=before.color * drift)
         mean = sum(colors[1:], colors[0]) / sum(dr.select(v, mi.Float(1), 0) for v in valid)
         dr.eval(mean)
         estimators = PairEstimators(colors, valid)
@@ -430,17 +461,18 @@ def sequence(hits, field):
         dr.eval(history, shown)
         return history, mean, shown
 
+    drift = color(np.where(np.arange(WIDTH) < WIDTH // 2, 1 + field.drift, 1))
     history = dr.gather(ColorHistory, no_color_history(), dr.zeros(mi.UInt32, WIDTH * HEIGHT))
     seed = dr.opaque(mi.UInt32, 0)
     dr.make_opaque(history)
-    for frame in range(WARMUP + FRAMES):
+    for frame in range(warmup + frames):
         values, used = estimates(rng, field)
         bright = np.multiply.outer(field.tint, light(field, frame))
         colors = [color(v * bright) for v in values]
         valid = [mi.Bool(lanes_of(v)) for v in used]
         sample = dr.opaque(mi.UInt32, frame)
-        history, mean, shown = step(hits, history, colors, valid, sample, seed)
-        if frame >= WARMUP:
+        history, mean, shown = step(hits, history, drift, colors, valid, sample, seed)
+        if frame >= warmup:
             yield frame, *(np.mean(image(x) / bright.transpose(1, 2, 0), 2) for x in (mean, shown))
 
 
@@ -451,6 +483,8 @@ def estimates(rng, field):
         uniform[1:] = (np.arange(PAIRS)[:, None, None] + uniform[1:]) / PAIRS
     bright = np.clip((uniform - (1 - field.lit)) / field.lit, 0, None)
     values = stats.gamma.ppf(bright, field.shape) / (field.shape * field.lit)
+    if field.calm:
+        values[..., : WIDTH // 2] = stats.gamma.ppf(uniform[..., : WIDTH // 2], 2) / 2
     valid = rng.random(values.shape) < field.paired
     valid[0] = True
     return values * valid, valid
@@ -473,8 +507,12 @@ def test_bias_is_bounded(wall, name):
 
 
 CONTROLS = {
+    "bound on errors": (
+        "rare light beside a calm half",
+        Mutation("dr.minimum(color, BRIGHTEST * reference)", "mi.Color3f(color)"),
+    ),
     "excess": (
-        "heavier tails",
+        "history that drifts",
         Mutation(
             "smoothed(grid, colors, alike, further) - colors.excess",
             "smoothed(grid, colors, alike, further)",
@@ -503,6 +541,33 @@ def test_control_of_the_bias(wall, monkeypatch, name):
     assert np.any(np.abs(bias) - ERRORS * error > FIELDS[field].bound)
 
 
+def off_by(hits, field):
+    """Largest relative difference of a frame's means, among the first frames of a history."""
+    frames = sequence(hits, FIELDS[field], 0, 20)
+    return max(abs(shown.mean() / mean.mean() - 1) for _, mean, shown in frames)
+
+
+@pytest.mark.parametrize("field", ["smooth", "heavy tails"])
+def test_every_frame_is_as_bright_as_the_plain_one(wall, field):
+    assert off_by(wall, field) < 1e-5
+
+
+def test_control_of_the_brightness_of_a_frame(wall, monkeypatch):
+    apply(monkeypatch, (Mutation("dr.select(dr.isfinite(f), b, 1)", "mi.Float(1)"),))
+    assert off_by(wall, "heavy tails") > 0.01
+
+
+def test_brightness_of_a_frame_is_bounded(rgb):
+    """A bright estimate that is not shown makes no flash; black frames and infinite ones stay."""
+    ones, values = np.ones((3, HEIGHT, WIDTH)), np.random.default_rng(0).random((3, HEIGHT, WIDTH))
+    for factor, expected in ((1.05, 1.05), (0.97, 0.97), (3.0, 1.1), (0.2, 0.9), (np.inf, 1.0)):
+        found = image(select.as_bright(color(values), color(values * factor)))
+        np.testing.assert_allclose(found, expected * values.transpose(1, 2, 0), rtol=1e-5)
+    np.testing.assert_array_equal(image(select.as_bright(color(0 * ones), color(0 * ones))), 0)
+    tinted = image(select.as_bright(color(ones), color(ones * [[[1.02]], [[1.0]], [[0.95]]])))
+    np.testing.assert_allclose(tinted.mean((0, 1)), [1.02, 1.0, 0.95], rtol=1e-4)
+
+
 # --------------------------------- spectrum -------------------------------------------------------
 
 
@@ -524,7 +589,11 @@ def test_error_is_blue(wall):
 def test_control_neighbors_unseen(wall, monkeypatch):
     apply(
         monkeypatch,
-        (Mutation("-neighbors_error(grid, error, around, pixel, aim.sigma)", "mi.Color3f(0)"),),
+        (
+            Mutation(
+                "expected - neighbors_error(grid, error, around, pixel, aim.sigma)", "expected"
+            ),
+        ),
     )
     _, shown = low_powers(wall)
     print(shown)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from collections.abc import Iterator
 
 import drjit as dr
 import mitsuba as mi
 
 from ..paths.grid import Grid
 from ..paths.primary_hit import PrimaryHit
-from .similarity import similar
-
-Values = TypeVar("Values")
+from .similarity import Surface, alike, surface_of
 
 REACH = 2
 """Columns and rows on each side."""
@@ -23,9 +21,6 @@ OFFSETS = [
     if 0 < x**2 + y**2 < 2 * REACH**2
 ]
 """(columns, rows) from a pixel to each of its neighbours: 5x5 without centre and corners."""
-
-ADJACENT = sum(1 << i for i, (x, y) in enumerate(OFFSETS) if max(abs(x), abs(y)) == 1)
-"""Bits of the eight neighbours next to it."""
 
 
 def spaced_pixels(grid: Grid, spacing: int, number: mi.UInt32) -> tuple[mi.UInt32, mi.Bool]:
@@ -54,27 +49,60 @@ def spaced_pixels(grid: Grid, spacing: int, number: mi.UInt32) -> tuple[mi.UInt3
     return grid.index(x, y), (x < grid.width) & (y < grid.height)
 
 
-def similar_neighbors(grid: Grid, hits: PrimaryHit, step: int = 1) -> mi.UInt32:
+def similar_neighbors(grid: Grid, hits: PrimaryHit) -> mi.UInt32:
     """Which neighbours of every pixel count.
 
     Parameters
     ----------
     hits : PrimaryHit
         Of all pixels.
-    step : int
-        Factor of the offsets.
 
     Returns
     -------
     UInt32
         Bit i: the neighbour at ``OFFSETS[i]`` is in the image and similar in the G-buffer.
     """
+    pixel, own = grid.pixels(), surface_of(hits)
+    places, normals = side_by_side(own.place, own.depth), side_by_side(own.normal, mi.Float(0))
+    after = mi.UInt32(0)
+    half = len(OFFSETS) // 2
+    for i, (dx, dy) in enumerate(OFFSETS[half:], half):
+        there, inside = grid.look(pixel, dx, dy)
+        (*place, depth), (*normal, _) = (
+            dr.gather(mi.Vector4f, values, there, inside) for values in (places, normals)
+        )
+        other = Surface(mi.Point3f(*place), mi.Normal3f(*normal), depth)
+        after |= dr.select(inside & alike(own, other), mi.UInt32(1 << i), 0)
+    dr.eval(after)
+    # Those before it have been asked already: to be alike is mutual.
+    before = mi.UInt32(0)
+    for i, (dx, dy) in enumerate(OFFSETS[:half]):
+        other, inside = grid.look(pixel, dx, dy)
+        theirs = dr.gather(mi.UInt32, after, other, inside)
+        mutual = inside & counts(theirs, len(OFFSETS) - 1 - i)
+        before |= dr.select(mutual, mi.UInt32(1 << i), 0)
+    return before | after
+
+
+def similar_further(grid: Grid, alike: mi.UInt32) -> mi.UInt32:
+    """Which pixels twice as far away count: similar to a similar neighbour on the way there.
+
+    Parameters
+    ----------
+    alike : UInt32
+        Result of :func:`similar_neighbors`.
+
+    Returns
+    -------
+    UInt32
+        Bit i: that at twice ``OFFSETS[i]``.
+    """
     pixel = grid.pixels()
     bits = mi.UInt32(0)
-    for i, (dx, dy) in enumerate(OFFSETS):
-        other, inside = grid.look(pixel, step * dx, step * dy)
-        alike = inside & similar(hits, hits.at(other, inside))
-        bits |= dr.select(alike, mi.UInt32(1 << i), 0)
+    for i, offset in enumerate(OFFSETS):
+        near = counts(alike, i)
+        there = dr.gather(mi.UInt32, alike, grid.beside(pixel, offset), near)
+        bits |= dr.select(near, there & (1 << i), 0)
     return bits
 
 
@@ -83,22 +111,47 @@ def counts(alike: mi.UInt32, neighbor: int) -> mi.Bool:
     return (alike & (1 << neighbor)) != 0
 
 
-def local_mean(grid: Grid, values: Values, alike: mi.UInt32, step: int = 1) -> Values:
+def side_by_side(color: mi.Color3f | mi.Point3f | mi.Normal3f, number: mi.Float) -> mi.Float:
+    """Colours (or vectors), each with a number: what lies together is read in half the time."""
+    dr.eval(color, number)
+    values = dr.ravel(mi.Vector4f(color.x, color.y, color.z, number))
+    dr.eval(values)
+    return values
+
+
+def colors_around(
+    grid: Grid, values: mi.Float, pixel: mi.UInt32, alike: mi.UInt32, step: int = 1
+) -> Iterator[tuple[tuple[int, int], mi.Color3f, mi.Float]]:
+    """Offset, colour and number of every neighbour; zeros for those that do not count.
+
+    Parameters
+    ----------
+    values : Float
+        Result of :func:`side_by_side`, of all pixels.
+    alike : UInt32
+        Which neighbours count, of the pixels that ``pixel`` names.
+    step : int
+        Factor of the offsets.
+    """
+    for i, (dx, dy) in enumerate(OFFSETS):
+        there = grid.beside(pixel, (step * dx, step * dy))
+        found = dr.gather(mi.Vector4f, values, there, counts(alike, i))
+        yield (dx, dy), mi.Color3f(found.x, found.y, found.z), found.w
+
+
+def local_mean(grid: Grid, color: mi.Color3f, alike: mi.UInt32, step: int = 1) -> mi.Color3f:
     """Mean over every pixel and the neighbours that count.
 
     Parameters
     ----------
-    values : Float or Color3f
+    color : Color3f
         Of all pixels.
     alike : UInt32
-        Result of :func:`similar_neighbors` with the same ``step``.
+        Result of :func:`similar_neighbors`, or of :func:`similar_further` at ``step`` 2.
     """
-    dr.eval(values)
-    kind: Any = type(values)
-    pixel = grid.pixels()
-    total, number = kind(values), mi.Float(1)
-    for i, (dx, dy) in enumerate(OFFSETS):
-        active = counts(alike, i)
-        total += dr.gather(kind, values, grid.beside(pixel, (step * dx, step * dy)), active)
-        number += dr.select(active, mi.Float(1), 0)
+    values = side_by_side(color, mi.Float(1))
+    total, number = mi.Color3f(color), mi.Float(1)
+    for _, theirs, one in colors_around(grid, values, grid.pixels(), alike, step):
+        total += theirs
+        number += one
     return total / number

@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from ..paths.grid import Grid
 from ..paths.spectrum import target
-from .around import OFFSETS, counts, local_mean
+from .around import OFFSETS, colors_around, counts, local_mean, side_by_side
 from .reproject import Motion
 
 MEMORY = 64
@@ -19,12 +19,9 @@ MOVING = 16
 """Frames that a history counts at most that comes from between pixels: it blurs, and what a surface
 reflects changes with the view."""
 
-HASTE = 2.0
-"""What selection adds to the mean is taken out of it in as many frames as the history counts,
-divided by this. Frames resemble those before them, and sooner their noise would be aimed at."""
-
 FEWEST = 8
-"""Frames that count as so many for that at least."""
+"""What selection adds to a pixel is taken out of it in as many frames as its history counts, and at
+least so many. Frames resemble those before them, and sooner their noise would be aimed at."""
 
 DOUBTED = 2
 """Frames that a history counts at most that this frame contradicts."""
@@ -57,6 +54,7 @@ def no_color_history() -> ColorHistory:
     return ColorHistory(mi.Color3f(0), mi.Float(0), mi.Color3f(0), mi.UInt32(0))
 
 
+@dr.syntax
 def carried(grid: Grid, colors: ColorHistory, motion: Motion) -> ColorHistory:
     """The colour history where each pixel's surface was.
 
@@ -68,14 +66,29 @@ def carried(grid: Grid, colors: ColorHistory, motion: Motion) -> ColorHistory:
     (x, y), (near_x, near_y) = grid.place(grid.pixels()), grid.place(motion.pixel)
     along = mi.Float(mi.Int32(x) - mi.Int32(near_x)) + motion.flow.x
     across = mi.Float(mi.Int32(y) - mi.Int32(near_y)) + motion.flow.y
+    away = dr.maximum(dr.abs(along), dr.abs(across))
+    if dr.hint(motion.valid & (away > SLIGHT), label="Between pixels"):
+        nearest = _interpolated(grid, colors, motion.pixel, nearest, (along, across))
+    return nearest
+
+
+def _interpolated(
+    grid: Grid,
+    colors: ColorHistory,
+    pixel: mi.UInt32,
+    nearest: ColorHistory,
+    place: tuple[mi.Float, mi.Float],
+) -> ColorHistory:
+    """The colour history at a place [pixels] relative to the nearest pixel."""
+    along, across = place
     weight = _spline(along) * _spline(across)
     total, low, high = weight * nearest.color, mi.Color3f(nearest.color), mi.Color3f(nearest.color)
     between = mi.Bool(False)
     for i, (dx, dy) in enumerate(OFFSETS):
         share = _spline(along - dx) * _spline(across - dy)
-        active = motion.valid & counts(nearest.alike, i) & (dr.abs(share) > SLIGHT)
+        active = counts(nearest.alike, i) & (dr.abs(share) > SLIGHT)
         between |= active
-        other = grid.beside(motion.pixel, (dx, dy))
+        other = grid.beside(pixel, (dx, dy))
         theirs = dr.gather(mi.Color3f, colors.color, other, active)
         total += dr.select(active, share * theirs, 0)
         weight += dr.select(active, share, 0)
@@ -133,7 +146,7 @@ def aimed(
     alike : UInt32
         Result of :func:`.around.similar_neighbors`.
     """
-    rate = HASTE / dr.maximum(before.frames, FEWEST)
+    rate = 1 / dr.maximum(before.frames, FEWEST)
     excess = before.excess + (shown - mean) * rate
     excess = dr.select(dr.all(dr.isfinite(excess)), excess, before.excess)
     excess = local_mean(grid, excess, alike)
@@ -151,7 +164,7 @@ def smoothed(grid: Grid, colors: ColorHistory, alike: mi.UInt32, further: mi.UIn
     Parameters
     ----------
     alike, further : UInt32
-        Results of :func:`.around.similar_neighbors` at step 1 and 2.
+        Results of :func:`.around.similar_neighbors` and :func:`.around.similar_further`.
     """
     color = colors.color
     for step, counted in enumerate((alike, further), 1):
@@ -162,17 +175,13 @@ def smoothed(grid: Grid, colors: ColorHistory, alike: mi.UInt32, further: mi.UIn
 def _bilateral_mean(
     grid: Grid, color: mi.Color3f, frames: mi.Float, alike: mi.UInt32, step: int
 ) -> mi.Color3f:
-    dr.eval(color, frames)
-    pixel = grid.pixels()
+    values = side_by_side(color, frames)
     own = target(color)
     total, weight = frames * color, mi.Float(frames)
-    for i, (dx, dy) in enumerate(OFFSETS):
-        other, active = grid.beside(pixel, (step * dx, step * dy)), counts(alike, i)
-        theirs = dr.gather(mi.Color3f, color, other, active)
+    for _, theirs, known in colors_around(grid, values, grid.pixels(), alike, step):
         bright = target(theirs)
         ratio = dr.square(dr.minimum(own, bright) / dr.maximum(own, bright))
-        share = dr.square(ratio) * dr.gather(mi.Float, frames, other, active)
-        share = dr.select(active & (bright > 0), share, 0)
+        share = dr.select(bright > 0, dr.square(ratio) * known, 0)
         total += share * theirs
         weight += share
     return dr.select(weight > 0, total / weight, color)
@@ -219,9 +228,10 @@ def brightness(
     color, mean : Color3f
         Colour history and this frame's plain average.
     alike, further : UInt32
-        Results of :func:`.around.similar_neighbors` at step 1 and 2.
+        Results of :func:`.around.similar_neighbors` and :func:`.around.similar_further`.
     """
-    before, now = target(color), target(mean)
+    both = mi.Color3f(target(color), target(mean), 0)
     for step, counted in enumerate((alike, further), 1):
-        before, now = (local_mean(grid, x, counted, step) for x in (before, now))
+        both = local_mean(grid, both, counted, step)
+    before, now, _ = both
     return dr.select(before > 0, now / before, 0)

@@ -4,11 +4,11 @@ Vertical error optimisation (Chizhov et al. 2022, "Perceptual error optimization
 rendering") over the pair estimators g_0 .. g_k of spatial reuse. The plain average of a pixel is
 m = (g_0 + ... + g_k) / (k + 1); its candidates are m and, for every j,
 
-    m + (m - g_j) / k     (the mean without g_j)  and its mirror image     m - (m - g_j) / k,
+    m + (m - g_j) / k     (the mean without g_j),
 
-the same for the means without two, and for the means without one of earlier rounds of spatial
-reuse: convex combinations of the g with fixed weights. Where the g have the pixel's expectation, so
-have they (by rank only m has it, see :mod:`mitsuba_restir.neighbors.ranks`: g_j is from stratum j).
+the means without two, and the means without one of earlier rounds of spatial reuse: convex
+combinations of the g with fixed weights. Where the g have the pixel's expectation, so have they (by
+rank only m has it, see :mod:`mitsuba_restir.neighbors.ranks`: g_j is from stratum j).
 With errors e_q = I_q - r_q against the reference r, the energy of an image I is the error seen
 through a Gaussian, sum |g_sigma * e|². Over one pixel p, the others given, it is least nearest to
 
@@ -19,10 +19,11 @@ sigma 1). Each pixel is visited once, in nine sets of pixels three apart that se
 choices.
 
 What the choice comes near to is the reference, error and all. It is the colour history, smoothed
-where it is smooth, less the excess: a choice among values with heavy tails makes the image too
-bright or too dark, and what it does is measured against the plain averages and taken back
-(:func:`mitsuba_restir.neighbors.color_history.aimed`). Errors of more than :data:`LIMIT` times the
-reference around are taken for that, on either side, so that a bright spot has no dark halo. Pixels
+where it is smooth, less the excess: a choice among values with heavy tails makes some surfaces too
+bright and others too dark, and what it does is measured against the plain averages and taken back
+(:func:`mitsuba_restir.neighbors.color_history.aimed`), over as many frames as the history counts.
+What is left of it in a frame is much the same everywhere: :func:`as_bright` takes it out, and the
+mean of the picture is that of the plain averages, frame by frame, whatever the choice does. Pixels
 with a single pair, whose candidates would be its two estimates, show their mean, and so do those
 whose errors are beyond 1e19, where single precision cannot hold their squares.
 
@@ -39,10 +40,9 @@ import drjit as dr
 import mitsuba as mi
 
 from ..neighbors.around import (
-    ADJACENT,
-    OFFSETS,
-    counts,
-    local_mean,
+    colors_around,
+    side_by_side,
+    similar_further,
     similar_neighbors,
     spaced_pixels,
 )
@@ -63,8 +63,12 @@ from ..shifts.scope import Scope
 SPACING = 3
 """Pixels of a set are so far apart, beyond each other's reach."""
 
-LIMIT = 3.5
-"""Largest error that counts, channel by channel, relative to the reference's mean in 3x3 pixels."""
+BRIGHTEST = 4.5
+"""What is brighter than the reference by this factor, in a channel, counts as that."""
+
+UNLIKE = 0.1
+"""Largest factor that makes the picture as bright as the plain averages, less one. Beyond it the
+excess is left to later frames: a single bright estimate that is not shown must not make a flash."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +105,10 @@ def select(
         At each pixel's previous place.
     """
     grid, mean = scope.grid, rounds[-1].mean
-    alike, further = similar_neighbors(grid, hit), similar_neighbors(grid, hit, step=2)
-    dr.eval(alike, further)
+    alike = similar_neighbors(grid, hit)
+    dr.eval(alike)
+    further = similar_further(grid, alike)
+    dr.eval(further)
     if seen.changing:
         before = clamped(grid, before, mean, alike)
     colors = replace(remember(before, mean), alike=alike)
@@ -112,7 +118,22 @@ def select(
         reference *= brightness(grid, reference, mean, alike, further)
     aim = Aim(reference, alike, seen.sigma)
     shown = choose(grid, scope.key, rounds, aim)
-    return shown, colors if seen.changing else aimed(grid, colors, shown, mean, alike)
+    colors = colors if seen.changing else aimed(grid, colors, shown, mean, alike)
+    return as_bright(shown, mean), colors
+
+
+def as_bright(shown: mi.Color3f, mean: mi.Color3f) -> mi.Color3f:
+    """What is shown, times the factor (of each channel) that gives it the mean of the plain frame.
+
+    Parameters
+    ----------
+    shown, mean : Color3f
+        Of all pixels: what selection has chosen, and the plain averages.
+    """
+    factors = [dr.sum(plain) / dr.sum(chosen) for plain, chosen in zip(mean, shown, strict=True)]
+    bounded = (dr.clip(factor, 1 - UNLIKE, 1 + UNLIKE) for factor in factors)
+    usable = zip(factors, bounded, strict=True)
+    return shown * mi.Color3f(*(dr.select(dr.isfinite(f), b, 1) for f, b in usable))
 
 
 @dataclass
@@ -143,60 +164,57 @@ def choose(
     rounds : list of Round
         See :func:`select`.
     """
-    reference, alike, mean = aim.reference, aim.alike, rounds[-1].mean
-    limit = LIMIT * local_mean(grid, reference, alike & ADJACENT)
-    error = bounded(mean - reference, limit)
+    reference, mean = aim.reference, rounds[-1].mean
+    dr.eval(aim)
+    error = side_by_side(bounded(mean, reference) - reference, mi.Float(0))
     shown = dr.copy(mean)
-    dr.eval(alike, limit, error, shown)
+    dr.eval(shown)
 
     order = uniform2(key.stream(Purpose.SELECTION, 0), 0, 0)
     for index in range(SPACING**2):
         number = set_in_turn(dr.opaque(mi.UInt32, index), order)
         pixel, inside = spaced_pixels(grid, SPACING, number)
-        own_limit = dr.gather(mi.Color3f, limit, pixel, inside)
+        around = dr.gather(mi.UInt32, aim.alike, pixel, inside)
+        # The colour that would cancel what its neighbours err by.
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
-        around = dr.gather(mi.UInt32, alike, pixel, inside)
-        wanted = -neighbors_error(grid, error, around, pixel, aim.sigma)
+        wanted = expected - neighbors_error(grid, error, around, pixel, aim.sigma)
         own = [dr.gather(Round, shared, pixel, inside) for shared in rounds]
         best = own[-1].mean
-        best_error = bounded(best - expected, own_limit)
-        best_distance = dr.squared_norm(best_error - wanted)
+        distance = dr.squared_norm(bounded(best, expected) - wanted)
         for color, valid in candidates(own):
-            its_error = bounded(color - expected, own_limit)
-            distance = dr.squared_norm(its_error - wanted)
-            better = valid & (distance < best_distance)
+            its_distance = dr.squared_norm(bounded(color, expected) - wanted)
+            better = valid & (its_distance < distance)
             best = dr.select(better, color, best)
-            best_error = dr.select(better, its_error, best_error)
-            best_distance = dr.select(better, distance, best_distance)
+            distance = dr.select(better, its_distance, distance)
         dr.scatter(shown, best, pixel, inside)
-        dr.scatter(error, best_error, pixel, inside)
+        left = bounded(best, expected) - expected
+        dr.scatter(error, mi.Vector4f(left.x, left.y, left.z, 0), pixel, inside)
         dr.eval(shown, error)
     return shown
 
 
-def bounded(error: mi.Color3f, limit: mi.Color3f) -> mi.Color3f:
-    """An error, channel by channel within +-``limit``."""
-    return dr.clip(error, -limit, limit)
+def bounded(color: mi.Color3f, reference: mi.Color3f) -> mi.Color3f:
+    """What a colour counts as, see :data:`BRIGHTEST`."""
+    return dr.minimum(color, BRIGHTEST * reference)
 
 
 def neighbors_error(
-    grid: Grid, error: mi.Color3f, alike: mi.UInt32, pixel: mi.UInt32, sigma: float
+    grid: Grid, error: mi.Float, alike: mi.UInt32, pixel: mi.UInt32, sigma: float
 ) -> mi.Color3f:
     """sum a(d) e_{p+d} over the similar neighbours of each pixel.
 
     Parameters
     ----------
-    error : Color3f
-        Of all pixels.
+    error : Float
+        Of all pixels, from :func:`mitsuba_restir.neighbors.around.side_by_side`.
     alike : UInt32
         Which neighbours count, of the pixels that ``pixel`` names.
     sigma : float
         See :class:`Seen`.
     """
     total = mi.Color3f(0)
-    for i, (dx, dy) in enumerate(OFFSETS):
-        seen = dr.gather(mi.Color3f, error, grid.beside(pixel, (dx, dy)), counts(alike, i))
-        total += seen * math.exp(-(dx**2 + dy**2) / (4 * sigma**2))
+    for (dx, dy), theirs, _ in colors_around(grid, error, pixel, alike):
+        total += theirs * math.exp(-(dx**2 + dy**2) / (4 * sigma**2))
     return total
 
 

@@ -88,8 +88,9 @@ class Grid:
         return dr.select(inside, self.index(mi.UInt32(there), mi.UInt32(below)), pixel), inside
 
     def beside(self, pixel: mi.UInt32, offset: tuple[int, int]) -> mi.UInt32:
-        """Index of the pixel at an offset (columns, rows); the pixel itself outside the window."""
-        return self.look(pixel, *offset)[0]
+        """Index of the pixel at an offset (columns, rows), which must be in the window."""
+        (x, y), (dx, dy) = self.place(pixel), offset
+        return self.index(mi.UInt32(mi.Int32(x) + dx), mi.UInt32(mi.Int32(y) + dy))
 
 
 def grid_of(columns: int, rows: int) -> Grid:

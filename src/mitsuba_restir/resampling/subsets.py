@@ -1,8 +1,7 @@
 """Means of some of a pixel's estimates: what selection chooses from.
 
-The mean without estimate j, m + (m - g_j) / k, and its mirror image m - (m - g_j) / k are convex
-combinations of the k + 1 estimates with fixed weights, and so are those without two. The mirror
-images let a choice go either way where one bright estimate is among dark ones.
+The mean without estimate j, m + (m - g_j) / k, is a convex combination of the k + 1 estimates with
+fixed weights, and so is that without two.
 """
 
 from __future__ import annotations
@@ -38,39 +37,31 @@ def candidates(rounds: list[Round]) -> list[tuple[mi.Color3f, mi.Bool]]:
 
 
 def without_one(shared: Round) -> list[tuple[mi.Color3f, mi.Bool]]:
-    """The means without each estimate, and their mirror images."""
-    colors, mean, count = shared.estimators.colors, shared.mean, number(shared.estimators)
+    """The means without each estimate."""
+    colors, valid, count = _estimates(shared)
     found = []
-    for i, (color, valid) in enumerate(zip(colors, shared.estimators.valid, strict=True)):
-        usable = valid & (count > 2)
+    for i, used in enumerate(valid):
         # The sum of the others, not m + (m - g) / k: its rounding can be below zero.
-        without = total(colors, (i,)) / dr.maximum(count - 1, 1)
-        mirrored = mean - (mean - color) / dr.maximum(count - 1, 1)
-        found += [(without, usable), (mirrored, usable)]
+        others = total(colors, (i,)) / dr.maximum(count - 1, 1)
+        found.append((others, used & (count > 2)))
     return found
 
 
 def without_two(shared: Round) -> list[tuple[mi.Color3f, mi.Bool]]:
-    """The means without each pair of estimates, and their mirror images."""
-    colors, valid, count = (
-        shared.estimators.colors,
-        shared.estimators.valid,
-        number(shared.estimators),
-    )
+    """The means without each pair of estimates."""
+    colors, valid, count = _estimates(shared)
     found = []
     for i, j in combinations(range(len(colors) if len(colors) <= MOST_PAIRED else 0), 2):
-        usable = valid[i] & valid[j] & (count > 3)
         others = total(colors, (i, j)) / dr.maximum(count - 2, 1)
-        found.append((others, usable))
-        if len(colors) > 4:  # of four, it is the mean without the other two
-            both = 2 * (colors[i] + colors[j])
-            found.append(((both + (count - 4) * others) / count, usable))
+        found.append((others, valid[i] & valid[j] & (count > 3)))
     return found
 
 
-def number(estimators: PairEstimators) -> mi.Float:
-    """How many estimates each pixel has."""
-    return sum((dr.select(used, mi.Float(1), 0) for used in estimators.valid), mi.Float(0))
+def _estimates(shared: Round) -> tuple[list[mi.Color3f], list[mi.Bool], mi.Float]:
+    """Colours of the estimates, which are valid, and how many those are."""
+    valid = shared.estimators.valid
+    count = sum((dr.select(used, mi.Float(1), 0) for used in valid), mi.Float(0))
+    return shared.estimators.colors, valid, count
 
 
 def total(colors: list[mi.Color3f], left_out: tuple[int, ...]) -> mi.Color3f:
