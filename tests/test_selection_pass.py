@@ -390,6 +390,31 @@ def test_smoothing_keeps_edges_and_takes_noise(edges):
     assert np.abs(error).max() < 0.2
 
 
+def test_excess_is_taken_out(wall):
+    """A choice that adds 5 % to what it aims at is aimed 5 % lower after a while."""
+    alike, _ = neighborhoods(wall)
+    colors, mean = history_of(wall, np.ones((HEIGHT, WIDTH))), color(np.ones((3, HEIGHT, WIDTH)))
+    for _ in range(60):
+        shown = colors.color - colors.excess + 0.05
+        colors = color_history.aimed(grid_of(*SIZE), colors, shown, mean, alike)
+        dr.eval(colors)
+    np.testing.assert_allclose(image(colors.excess), 0.05, atol=1e-3)
+
+
+def test_excess_spreads_and_stays(wall):
+    alike, _ = neighborhoods(wall)
+    ones = np.ones((3, HEIGHT, WIDTH))
+    shown = ones.copy()
+    shown[:, HEIGHT // 2, WIDTH // 2] = 3
+    before = history_of(wall, ones)
+    found = image(
+        color_history.aimed(grid_of(*SIZE), before, color(shown), color(ones), alike).excess
+    )
+    share = 1 / (float(before.frames[0]) * (len(OFFSETS) + 1))
+    np.testing.assert_allclose(found.max(), 2 * share, rtol=1e-4)
+    np.testing.assert_allclose(found.sum((0, 1)), 2 / float(before.frames[0]), rtol=1e-4)
+
+
 # --------------------------------- bias -----------------------------------------------------------
 
 
@@ -406,7 +431,6 @@ class Field:
     darkness: float = 1.0  # mean on one side of the edges
     speed: int = 0  # of the edges [pixels per frame]
     calm: bool = False  # the estimates of the left half are those of "smooth"
-    drift: float = 0.0  # what the history of the left half becomes brighter by in a frame
 
 
 FIELDS = {
@@ -414,7 +438,6 @@ FIELDS = {
     "heavy tails": Field(0.007, lit=0.15, shape=1.0),
     "heavier tails": Field(0.018, lit=0.15, shape=0.3),
     "rare light beside a calm half": Field(0.02, lit=0.05, shape=1.0, calm=True),
-    "history that drifts": Field(0.01, drift=0.001),
     "heavy tails, ranked": Field(0.007, lit=0.15, shape=1.0, ranked=True),
     "heavy tails, blue": Field(0.007, lit=0.15, shape=1.0, tint=(0.05, 0.05, 1.0)),
     "heavy tails, few pairs": Field(0.012, lit=0.15, shape=1.0, paired=0.6),
@@ -436,7 +459,7 @@ def regions(field, frame):
     3 on each side of it."""
     column = np.broadcast_to(np.arange(WIDTH), (HEIGHT, WIDTH))
     found = [np.ones_like(column, bool)]
-    if field.calm or field.drift:
+    if field.calm:
         found += [column < WIDTH // 2, column >= WIDTH // 2]
     if field.darkness < 1.0:
         reach = np.arange(-8, 0) if field.speed else np.arange(-3, 3)
@@ -450,8 +473,7 @@ def sequence(hits, field, warmup=WARMUP, frames=FRAMES):
     rng = np.random.default_rng(0)
 
     @dr.freeze
-    def step(hits, before, drift, colors, valid, sample, seed):
-        before = replace(before, color=before.color * drift)
+    def step(hits, before, colors, valid, sample, seed):
         mean = sum(colors[1:], colors[0]) / sum(dr.select(v, mi.Float(1), 0) for v in valid)
         dr.eval(mean)
         estimators = PairEstimators(colors, valid)
@@ -461,7 +483,6 @@ def sequence(hits, field, warmup=WARMUP, frames=FRAMES):
         dr.eval(history, shown)
         return history, mean, shown
 
-    drift = color(np.where(np.arange(WIDTH) < WIDTH // 2, 1 + field.drift, 1))
     history = dr.gather(ColorHistory, no_color_history(), dr.zeros(mi.UInt32, WIDTH * HEIGHT))
     seed = dr.opaque(mi.UInt32, 0)
     dr.make_opaque(history)
@@ -471,7 +492,7 @@ def sequence(hits, field, warmup=WARMUP, frames=FRAMES):
         colors = [color(v * bright) for v in values]
         valid = [mi.Bool(lanes_of(v)) for v in used]
         sample = dr.opaque(mi.UInt32, frame)
-        history, mean, shown = step(hits, history, drift, colors, valid, sample, seed)
+        history, mean, shown = step(hits, history, colors, valid, sample, seed)
         if frame >= warmup:
             yield frame, *(np.mean(image(x) / bright.transpose(1, 2, 0), 2) for x in (mean, shown))
 
@@ -510,13 +531,6 @@ CONTROLS = {
     "bound on errors": (
         "rare light beside a calm half",
         Mutation("dr.minimum(color, BRIGHTEST * reference)", "mi.Color3f(color)"),
-    ),
-    "excess": (
-        "history that drifts",
-        Mutation(
-            "smoothed(grid, colors, alike, further) - colors.excess",
-            "smoothed(grid, colors, alike, further)",
-        ),
     ),
     "brightness of the frame": (
         "moving shadow edge",
