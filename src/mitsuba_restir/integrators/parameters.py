@@ -148,8 +148,8 @@ class Parameters:
         ``selection``: of these, the one that moves the error to high frequencies, steered by a
         colour history of plain averages. Nothing of it gets into reservoirs or history. **What is
         shown is biased**: the picture has the mean of the plain frame, but parts of it err by about
-        0.3 % (20x20 pixels of Veach Ajar's ceiling; 2 % beside the heaviest tails, more behind
-        shadows that move). It needs ``spatial`` and ``temporal``.""",
+        0.3 % (20x20 pixels of Veach Ajar's ceiling; 1 % beside heavy tails, more while a
+        history is young and behind shadows that move). It needs ``spatial`` and ``temporal``.""",
         choices=("none", "selection"),
         former={
             "mutation": "mutation_acceptance='energy'",
