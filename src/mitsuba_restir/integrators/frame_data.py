@@ -198,7 +198,7 @@ class Frame:
 
     color: mi.Color3f
     auxiliary: list[mi.Float]
-    outcomes: list[list[mi.UInt32]]
+    outcomes: list[list[mi.UInt32 | mi.UInt8]]
     found: Found
     mutated: Mutated | None
     beside: Beside

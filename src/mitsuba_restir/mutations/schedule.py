@@ -87,9 +87,7 @@ def mutate_in_turns(
     """
     if plan.interval == 1:
         pixels = scope.grid.pixels()
-        after, mutated = run_chain(scope, reservoirs, hits, pixels, plan, metropolis_hastings)
-        # What no mutation changes is not written anew.
-        return _with(reservoirs, _changed(after, plan.kind)), mutated
+        return run_chain(scope, reservoirs, hits, pixels, plan, metropolis_hastings)
     pixel, inside = pixels_of_set(scope.grid, plan.interval, turn)
     own = dr.gather(Reservoir, reservoirs, pixel, inside)
     there = hits.at(pixel, inside)
@@ -97,15 +95,12 @@ def mutate_in_turns(
     mutated.kind = dr.select(inside, mutated.kind, len(MutationClass.names()))
     result = dr.copy(_changed(reservoirs, plan.kind))
     dr.scatter(result, _changed(after, plan.kind), pixel, inside & (mutated.accepted > 0))
-    return _with(reservoirs, result), mutated
+    path, own_fields = result
+    moved = replace(reservoirs, path=replace(reservoirs.path, **path), **own_fields)
+    return moved, mutated
 
 
 def _changed(reservoirs: Reservoir, mutation: Mutation) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a mutation may change of paths, and of their reservoirs."""
     path = {name: getattr(reservoirs.path, name) for name in mutation.changes}
     return path, {"color": reservoirs.color, "weight": reservoirs.weight}
-
-
-def _with(reservoirs: Reservoir, changed: tuple[dict[str, Any], dict[str, Any]]) -> Reservoir:
-    path, own_fields = changed
-    return replace(reservoirs, path=replace(reservoirs.path, **path), **own_fields)

@@ -41,7 +41,7 @@ class Exchange:
     pulled: list[Pulled]
     shares: list[mi.Float]
     confidence: mi.Float
-    outcomes: list[mi.UInt32]
+    outcomes: list[mi.UInt8]
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ class Merged:
     reservoirs: Reservoir
     color: mi.Color3f
     estimators: PairEstimators
-    outcomes: list[mi.UInt32]
+    outcomes: list[mi.UInt8]
 
 
 def spatial(
@@ -57,6 +57,6 @@ def spatial(
     for theirs, valid in zip(exchange.pulled, estimators.valid[1:], strict=True):
         tried |= theirs.valid
         kept |= valid
-    refused = dr.select(tried & ~kept, mi.UInt32(MERGE_REFUSED), 0)
+    refused = dr.select(tried & ~kept, mi.UInt8(MERGE_REFUSED), 0)
     first, *others = exchange.outcomes
     return Merged(reservoirs, color, estimators, [first | refused, *others])

@@ -66,7 +66,7 @@ class Pulled:
     factor: mi.Float
     weight: mi.Float
     reach: mi.Float
-    outcome: mi.UInt32
+    outcome: mi.UInt8
 
 
 @dataclass
@@ -121,13 +121,13 @@ def pull(
         shifted.factor,
         dr.select(used & ~refused, weight, 0),
         dr.select(returned, reach, 0),
-        dr.select(refused, Outcome.NOT_FINITE, shifted.outcome),
+        mi.UInt8(dr.select(refused, Outcome.NOT_FINITE, shifted.outcome)),
     )
 
 
 def push(
     sharing: Sharing, reservoirs: Reservoir, there: mi.UInt32, valid: mi.Bool
-) -> tuple[mi.Float, mi.UInt32]:
+) -> tuple[mi.Float, mi.UInt8]:
     """Shift every pixel's own path to a neighbour.
 
     Parameters
@@ -141,14 +141,14 @@ def push(
     -------
     reach : Float
         c p J: the density with which the neighbour makes the pixel's path.
-    outcome : UInt32
+    outcome : UInt8
         Of the shift.
     """
     hit = sharing.hits.at(there, valid)
     confidence = dr.gather(mi.Float, reservoirs.confidence, there, valid)
     wanted = valid & (reservoirs.weight > 0)
     shifted = shift(sharing.scope, reservoirs.path, hit, wanted)
-    return density(confidence, target(shifted.color), shifted.jacobian), shifted.outcome
+    return density(confidence, target(shifted.color), shifted.jacobian), mi.UInt8(shifted.outcome)
 
 
 def canonical_share(sharing: Sharing, reservoirs: Reservoir, reach: mi.Float) -> mi.Float:
