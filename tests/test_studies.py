@@ -231,7 +231,7 @@ def test_keys_can_be_changed(study: Study, tmp_path: Path) -> None:
             'runs = 1\nquantities = ["bands", ',
             "at least 2 runs",
         ),
-        ("spp = 64\nbatches = 4", "batches = 4", "give either file or spp"),
+        ("spp = 64\nbatches = 4", "batches = 4", "give one of file, spp and seconds"),
         ("batches = 4", "batches = 5", "no multiple of the 5 batches"),
         ("[reference]\nspp = 64\nbatches = 4", "", "needs a [reference]"),
         ('type = "path"\n\n', 'typ = "path"\n\n', "[variants] [plain]: 'type' is missing"),
@@ -559,7 +559,7 @@ def test_a_reference_is_rendered_to_a_stated_noise(
     # An aim that is out of reach is said.
     changes[0] = "reference={spp=160, batches=40, noise=0.001}"
     table = run_study(load_study(file, changes), tmp_path / "one")
-    assert any("not 0.1 %: 160 samples per pixel are not enough" in note for note in table.notes)
+    assert any("not 0.1 %: it needs more batches" in note for note in table.notes)
 
 
 def test_the_report_states_the_samples_that_were_used(study: Study) -> None:

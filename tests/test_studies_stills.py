@@ -133,7 +133,8 @@ def test_stills_as_variants(tmp_path: Path) -> None:
     assert run.stated.shape == (1, 2)
     assert "4 frames" in run.remark
 
-    study = _study(tmp_path, STUDY + DENOISED, 'quantities=["as_long"]')
+    stills = 'reference={"seconds"=0.5, "batches"=2}'
+    study = _study(tmp_path, STUDY + DENOISED, 'quantities=["as_long"]', stills)
     rows = run_study(study, tmp_path / "out").rows
     assert {row.variant for row in rows} == {"clean"}
     assert all(row.value.value > 0.0 for row in rows)

@@ -27,7 +27,9 @@ def adapt(study: Study, scene: str | None, small: bool) -> Study:
 
 def on_scene(study: Study, scene: str) -> Study:
     """Put another scene in a study: its whole view, a rendered reference, no published values."""
-    reference = None if study.reference is None else _REFERENCE
+    reference = study.reference
+    if reference is not None and not reference.seconds:
+        reference = _REFERENCE
     return replace(
         study,
         scene=scene,

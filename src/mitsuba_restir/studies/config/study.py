@@ -93,7 +93,7 @@ class Variant:
 @dataclass(frozen=True, config=CLOSED)
 class Reference:
     """
-    Where the truth comes from: files, or Mitsuba's `path`.
+    Where the truth comes from: files, Mitsuba's `path`, or stills.
 
     Fields
     ------
@@ -102,6 +102,8 @@ class Reference:
     spp, batches : int
         Samples per pixel of a reference rendered here, in so many independent batches, from which
         its variance is estimated. Used where `file` is empty.
+    seconds : float
+        What a still takes that every batch is instead: as unbiased, and surer in the same time.
     noise : float
         Relative error of the luminance, in the median over pixels and before it is smoothed, at
         which the rendering of further batches ends; zero renders all of them.
@@ -116,11 +118,12 @@ class Reference:
     batches: Batches = 16
     smooth: Amount = 0.0
     noise: Amount = 0.0
+    seconds: Amount = 0.0
 
     def __post_init__(self) -> None:
         """Check that it has one origin (ValueError)."""
-        if bool(self.file) == bool(self.spp):
-            raise ValueError("give either file or spp")
+        if [bool(self.file), bool(self.spp), bool(self.seconds)].count(True) != 1:
+            raise ValueError("give one of file, spp and seconds")
         if self.variance and not self.file:
             raise ValueError("variance goes with file; that of spp follows from its batches")
         if self.spp % self.batches:

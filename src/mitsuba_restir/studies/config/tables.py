@@ -27,6 +27,8 @@ def to_table(study: Study) -> dict[str, Any]:
         del table["stride"]
     if study.reference is not None and not study.reference.noise:
         del table["reference"]["noise"]
+    if study.reference is not None and not study.reference.seconds:
+        del table["reference"]["seconds"]
     if study.motion is not None and study.motion.cut_from is None:
         del table["motion"]["cut_from"]
         if not study.motion.light:

@@ -113,6 +113,7 @@ def reference_digest(study: Study, size: Size, scene: str) -> str:
         "variant": study.mitsuba_variant,
         "mitsuba": metadata.version("mitsuba"),
         **({} if study.crop is None else {"crop": list(study.crop)}),
+        **({"seconds": study.reference.seconds} if study.reference.seconds else {}),
     }
     return _digest(content)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ...errors import UsageError
@@ -10,6 +11,7 @@ from ..config.study import REFERENCE, Reference, Size, Study, Variant
 from ..runs.reference import LEAST_BATCHES, BatchMean, read_reference, smooth
 from ..runs.rendering import ENDLESS, REFERENCE_KEY, make_renderer, seed_of
 from ..runs.results import Image, ReferenceImage
+from ..runs.stills import TYPE
 from .folder import StudyFolder
 
 
@@ -48,15 +50,19 @@ def _mean(
                 return None
             batch = render(mean.count)
             folder.save_batch(size, mean.count, batch)
-        mean.add(batch, reference.spp // reference.batches)
-    return mean.image()
+        mean.add(batch, reference.spp // reference.batches or 1)
+    image = mean.image()
+    return replace(image, samples=0) if reference.seconds else image
 
 
 def render_batches(folder: StudyFolder, scene: Any, size: Size, done: Callable[[], None]) -> None:
     """Render and save the batches that are needed and not there, calling `done` for each."""
     study = folder.study
     assert study.reference is not None
-    variant = Variant("path", study.reference.spp // study.reference.batches, ENDLESS)
+    if study.reference.seconds:
+        variant = Variant(TYPE, parameters={"seconds": study.reference.seconds})
+    else:
+        variant = Variant("path", study.reference.spp // study.reference.batches, ENDLESS)
     renderer = make_renderer(study, scene, size, REFERENCE, variant)
 
     def render(index: int) -> Image:
@@ -94,5 +100,5 @@ def notes_on_reference(study: Study, reference: ReferenceImage | None) -> list[s
         return []
     return [
         f"the reference's noise is {100 * reference.noise:.2g} % in the median, not "
-        f"{100 * asked.noise:.2g} %: {asked.spp} samples per pixel are not enough for that"
+        f"{100 * asked.noise:.2g} %: it needs more batches"
     ]
