@@ -211,8 +211,8 @@ def chain_scene() -> mi.Scene:
                 "to_world": transform().look_at([0, -3, 3], [0, 0, 0], [0, 0, 1]),
                 "film": {
                     "type": "hdrfilm",
-                    "width": 128,
-                    "height": 128,
+                    "width": 160,
+                    "height": 160,
                     "rfilter": {"type": "box"},
                 },
                 "sampler": {"type": "independent"},

@@ -34,7 +34,7 @@ class Mutated:
     (sum of the changes of direction of the accepted steps [rad]).
     """
 
-    kind: mi.UInt32
+    kind: mi.UInt8
     accepted: mi.UInt32
     raised: mi.UInt32
     lowered: mi.UInt32
@@ -104,4 +104,4 @@ def run_chain(
         reservoirs.confidence,
     )
     kind = mutation_class(reservoirs.path)
-    return mutated, Mutated(kind, accepted, raised, lowered, angle)
+    return mutated, Mutated(mi.UInt8(kind), accepted, raised, lowered, angle)

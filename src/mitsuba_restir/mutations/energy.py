@@ -178,7 +178,7 @@ def mutate_by_updated_energy(
     around = surroundings(grid, reservoirs)
     accepted, raised, lowered = (dr.zeros(mi.UInt32, grid.size) for _ in range(3))
     angle = dr.zeros(mi.Float, grid.size)
-    total = Mutated(mutation_class(reservoirs.path), accepted, raised, lowered, angle)
+    total = Mutated(mi.UInt8(mutation_class(reservoirs.path)), accepted, raised, lowered, angle)
     result = dr.copy(reservoirs)
     dr.eval(total, result)
     # The order of the sets changes from frame to frame.
