@@ -12,9 +12,9 @@ from dataclasses import dataclass
 SIZE = (1280, 720)
 """The frame [pixels] of which `doctor` says what it takes."""
 
-BYTES_A_PIXEL = 378
+BYTES_A_PIXEL = 366
 """Slope of Dr.Jit's peak over the pixels, by ``python -m benchmarks.memory decorrelation_memory``
-(without mutations, which take it to 514)."""
+(without mutations, which take it to 501)."""
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
