@@ -116,7 +116,7 @@ def test_doctor_finds_this_installation_ready():
     said = dict.fromkeys(line.split(maxsplit=1)[0] for line in result.stdout.splitlines())
     assert {"machine", "frame", "optional"} <= set(said)
     assert re.search(r"^machine   \d+ cores, [\d.]+ GiB of memory$", result.stdout, re.M)
-    assert re.search(r"^frame     1280x720: about [\d.e+]+ s, 0\.44 GiB", result.stdout, re.M)
+    assert re.search(r"^frame     1280x720: about [\d.e+]+ s, 0\.31 GiB", result.stdout, re.M)
     for name in ("OIDN", "FLIP", "tev", "Chromium", "nicegui", "av"):
         assert re.search(rf"^optional  {name} \(.*\): (yes|no: .+)$", result.stdout, re.M)
 
