@@ -88,7 +88,29 @@ class Stage:
         return self._traced(signature, leaves)
 
 
-_ONE_AT_A_TIME = threading.RLock()
+class _Turns:
+    """Whose turn it is: one thread at a time."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._last = threading.get_ident()
+        self._several = False
+
+    def __enter__(self) -> None:
+        if not self._lock.acquire(blocking=False):
+            self._several = True
+            self._lock.acquire()
+        self._several |= self._last != threading.get_ident()
+        self._last = threading.get_ident()
+
+    def __exit__(self, *_: object) -> None:
+        if self._several:
+            # What runs on after a turn may use memory that the next thread frees.
+            dr.sync_thread()
+        self._lock.release()
+
+
+_TURNS = _Turns()
 
 
 @contextmanager
@@ -99,7 +121,7 @@ def frame_alone() -> Iterator[None]:
     calls Python, which may pass to another thread: two recorded functions in two threads end in
     "unknown variable" or wait for each other for ever.
     """
-    with _ONE_AT_A_TIME:
+    with _TURNS:
         yield
 
 
