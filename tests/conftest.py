@@ -11,6 +11,7 @@ from typing import Any
 import mitsuba as mi
 import pytest
 
+from mitsuba_restir import cache
 from mitsuba_restir.cli import machine
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -37,6 +38,12 @@ def spectral() -> str:
 @pytest.fixture
 def mono() -> str:
     return _variant("llvm_ad_mono")
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cache of references and masks for this test alone."""
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
 
 
 @pytest.fixture

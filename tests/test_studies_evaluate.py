@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitsuba_restir import cache, cli
+from mitsuba_restir import cli
 from mitsuba_restir.cli import evaluate
 from mitsuba_restir.cli.arguments import OneLineParser
 from mitsuba_restir.errors import RenderError, UsageError
@@ -47,9 +47,7 @@ type = "restir_pt"
 """
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 @pytest.fixture

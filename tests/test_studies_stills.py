@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.studies import study_of
 
-from mitsuba_restir import cache
 from mitsuba_restir.errors import UsageError
-from mitsuba_restir.studies import Study, load_study, run_study
+from mitsuba_restir.studies import run_study
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.measure.results import Measured, Row
 from mitsuba_restir.studies.measure.stills import as_long
@@ -60,15 +60,7 @@ denoise = true
 SHAPE = (40, 60, 3)
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-
-
-def _study(tmp_path: Path, text: str, *changes: str) -> Study:
-    file = tmp_path / "pictures.toml"
-    file.write_text(text)
-    return load_study(str(file), changes)
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 def _data(
@@ -121,7 +113,7 @@ def test_as_long_between_and_beyond() -> None:
 def test_stills_as_variants(tmp_path: Path) -> None:
     for package in ("mitsuba_oidn", "flip_evaluator"):
         pytest.importorskip(package)
-    study = _study(tmp_path, STUDY)
+    study = study_of(tmp_path, STUDY)
     table = run_study(study, tmp_path / "out")
     found = {row.quantity: row.value.value for row in table.rows if row.variant == "still"}
     assert found["efficiency, trimmed"] > 0.0
@@ -134,7 +126,7 @@ def test_stills_as_variants(tmp_path: Path) -> None:
     assert "4 frames" in run.remark
 
     stills = 'reference={"seconds"=0.5, "batches"=2}'
-    study = _study(tmp_path, STUDY + DENOISED, 'quantities=["as_long"]', stills)
+    study = study_of(tmp_path, STUDY + DENOISED, 'quantities=["as_long"]', stills)
     rows = run_study(study, tmp_path / "out").rows
     assert {row.variant for row in rows} == {"clean"}
     assert all(row.value.value > 0.0 for row in rows)
@@ -153,6 +145,6 @@ def test_stills_as_variants(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_measured_gets_one_line(tmp_path: Path, change: str, message: str) -> None:
     with pytest.raises(UsageError, match=message) as refused:
-        run_study(_study(tmp_path, STUDY, change), tmp_path / "out")
+        run_study(study_of(tmp_path, STUDY, change), tmp_path / "out")
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "out" / "runs").exists()

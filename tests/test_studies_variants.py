@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import ndimage
+from support.studies import study_of
 
 import mitsuba_restir.studies.runner as runner
 import mitsuba_restir.studies.store.reference as reference_module
-from mitsuba_restir import cache
 from mitsuba_restir.errors import UsageError
-from mitsuba_restir.studies import Study, load_study, run_study
+from mitsuba_restir.studies import Study, run_study
 from mitsuba_restir.studies.config.adapt import without
 from mitsuba_restir.studies.measure.derived import with_derived
 from mitsuba_restir.studies.measure.frame_errors import filtered_mse, frames_of
@@ -56,15 +56,7 @@ baseline = "path"
 """
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-
-
-def _study(tmp_path: Path, text: str, *changes: str) -> Study:
-    file = tmp_path / "frames.toml"
-    file.write_text(text)
-    return load_study(str(file), changes)
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 def test_measured_frames_are_a_stride_apart(
@@ -83,7 +75,7 @@ def test_measured_frames_are_a_stride_apart(
     monkeypatch.setattr(runner, "load_scene", lambda study: None)
     monkeypatch.setattr(runner, "make_renderer", make)
     monkeypatch.setattr(reference_module, "make_renderer", make)
-    study = _study(tmp_path, STUDY)
+    study = study_of(tmp_path, STUDY)
     assert study.length == 2 + 2 * 4 + 1
     total = 0
 
@@ -136,7 +128,7 @@ def _measured(noise: float, better: float, width: float) -> Measured:
 
 
 def test_a_blur_of_equal_filtered_error(tmp_path: Path) -> None:
-    study = _study(tmp_path, STUDY + BLUR)
+    study = study_of(tmp_path, STUDY + BLUR)
     # White noise through a Gaussian of 1.2 pixels: that is the width to be found again.
     data = with_derived(study, _measured(0.5, 0.5, 1.2))
     assert data.notes == ()
@@ -157,7 +149,7 @@ def test_a_blur_of_equal_filtered_error(tmp_path: Path) -> None:
 
 def test_fireflies_do_not_spoil_a_blur(tmp_path: Path) -> None:
     """They are clipped where errors are measured, and must not be spread before that."""
-    study = _study(tmp_path, STUDY + BLUR)
+    study = study_of(tmp_path, STUDY + BLUR)
     measured = _measured(0.5, 0.5, 1.2)
     lit = {name: [_with_firefly(run) for run in runs] for name, runs in measured.runs.items()}
     data = with_derived(study, replace(measured, runs=lit))
@@ -173,7 +165,7 @@ def _with_firefly(run: Run) -> Run:
 
 
 def test_a_blur_that_cannot_reach_the_goal_is_the_best_one(tmp_path: Path) -> None:
-    study = _study(tmp_path, STUDY + BLUR)
+    study = study_of(tmp_path, STUDY + BLUR)
     measured = _measured(0.5, 0.001, 0.0)
     # A grating, which a wide blur takes away.
     reference = measured.reference
@@ -227,7 +219,7 @@ def test_a_study_with_a_blur_runs_to_its_end(
     monkeypatch.setattr(runner, "make_renderer", make)
     monkeypatch.setattr(reference_module, "make_renderer", make)
     quantities = "quantities=['relmse', 'time', 'speed', 'covariance', 'filtered_mse']"
-    study = _study(tmp_path, STUDY + BLUR, quantities)
+    study = study_of(tmp_path, STUDY + BLUR, quantities)
     table = run_study(study, tmp_path / "out")
     rows = {(row.variant, row.quantity): row for row in table.rows}
     assert rows["blurred", "Gaussian of the blur"].value.value == pytest.approx(1.0, abs=0.3)
@@ -238,16 +230,16 @@ def test_a_study_with_a_blur_runs_to_its_end(
 
 
 def test_what_is_made_of_others_renders_nothing(tmp_path: Path) -> None:
-    plain, more = _study(tmp_path, STUDY), _study(tmp_path, STUDY + BLUR)
+    plain, more = study_of(tmp_path, STUDY), study_of(tmp_path, STUDY + BLUR)
     assert more.rendered() == ["path", "restir"]
     # A control can be added to a study that has been rendered.
     assert StudyFolder(tmp_path / "a", plain).digest == StudyFolder(tmp_path / "b", more).digest
     with pytest.raises(UsageError, match="'blurred' is made of 'restir': leave it out as well"):
         without(more, ["restir"])
     with pytest.raises(UsageError, match="'blurred' is made of 'none', which is no rendered"):
-        _study(tmp_path, STUDY + BLUR, "variants.blurred.of=none")
+        study_of(tmp_path, STUDY + BLUR, "variants.blurred.of=none")
     with pytest.raises(UsageError, match=r"unknown key 'type'.*of, blur_to"):
-        _study(tmp_path, STUDY + BLUR, "variants.blurred.type=path")
+        study_of(tmp_path, STUDY + BLUR, "variants.blurred.type=path")
 
 
 @pytest.mark.parametrize(
@@ -265,7 +257,7 @@ def test_what_is_made_of_others_renders_nothing(tmp_path: Path) -> None:
 )
 def test_motions_that_make_no_sense(motion: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=message):
-        _study(tmp_path, f"{STUDY}\n[motion]\n{motion}\n", "frames=1")
+        study_of(tmp_path, f"{STUDY}\n[motion]\n{motion}\n", "frames=1")
 
 
 MOVING = """
@@ -297,7 +289,7 @@ retrace_history = true
 
 @pytest.mark.slow
 def test_a_moving_light_arrives_where_the_reference_has_it(tmp_path: Path) -> None:
-    study = _study(tmp_path, MOVING)
+    study = study_of(tmp_path, MOVING)
     table = run_study(study, tmp_path / "out")
     for row in table.rows:
         if row.quantity == "mean ratio":
@@ -317,12 +309,12 @@ def test_a_moving_light_arrives_where_the_reference_has_it(tmp_path: Path) -> No
         UsageError,
         match=r"light = 'lamp\.x' is no transform of the scene; there are .*light\.to_world",
     ):
-        run_study(_study(tmp_path, MOVING, "motion.light='lamp.x'"), tmp_path / "other")
+        run_study(study_of(tmp_path, MOVING, "motion.light='lamp.x'"), tmp_path / "other")
 
 
 @pytest.mark.slow
 def test_a_light_moves_and_comes_back(tmp_path: Path) -> None:
-    study = _study(tmp_path, MOVING, "motion.light_step=[0.1,0,0]")
+    study = study_of(tmp_path, MOVING, "motion.light_step=[0.1,0,0]")
     scene = load_scene(study)
     renderers = [
         make_renderer(study, scene, (24, 16), name, study.variants[name])
@@ -345,7 +337,7 @@ def test_a_cut_ends_where_the_reference_is(tmp_path: Path) -> None:
         "motion.light=''", "motion.light_step=[0,0,0]", "frames=3", "warmup=2",
         "motion.cut_from={fov=40, origin=[0,0,0.5], target=[-1,0,0.5]}",
     )  # fmt: skip
-    study, still = _study(tmp_path, MOVING, *cut), _study(tmp_path, STUDY, "max_depth=3")
+    study, still = study_of(tmp_path, MOVING, *cut), study_of(tmp_path, STUDY, "max_depth=3")
     scene = load_scene(study)
     moved = make_renderer(study, scene, (24, 16), "path", study.variants["path"])
     fixed = make_renderer(still, scene, (24, 16), "path", study.variants["path"])
@@ -360,8 +352,8 @@ def test_a_cut_ends_where_the_reference_is(tmp_path: Path) -> None:
 def test_a_crop_is_a_part_of_the_whole(tmp_path: Path) -> None:
     """The right lower quarter, pixel by pixel: means of many samples at the same places."""
     text = STUDY.replace("[variants.path]\n", "[variants.path]\nspp = 256\n", 1)
-    whole = _study(tmp_path, text)
-    crop = _study(tmp_path, text, "crop=[0.5, 0.5, 0.5, 0.5]", "sizes=['12x8']")
+    whole = study_of(tmp_path, text)
+    crop = study_of(tmp_path, text, "crop=[0.5, 0.5, 0.5, 0.5]", "sizes=['12x8']")
     images = []
     for study in (whole, crop):
         renderer = make_renderer(
@@ -381,7 +373,7 @@ def test_a_crop_is_a_part_of_the_whole(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_auxiliary_image_can_be_shown(tmp_path: Path) -> None:
     text = STUDY + '\n[variants.shown]\ntype = "restir_pt"\nshows = "albedo"\n'
-    study = _study(tmp_path, text)
+    study = study_of(tmp_path, text)
     scene = load_scene(study)
     renderers = {
         name: make_renderer(study, scene, (24, 16), name, study.variants[name])
@@ -393,6 +385,6 @@ def test_an_auxiliary_image_can_be_shown(tmp_path: Path) -> None:
     np.testing.assert_allclose(images["shown"][-1, 12], [0.73, 0.71, 0.68], atol=1e-3)
     assert np.abs(images["restir"] - images["shown"]).max() > 0.1
     for kind, message in (("depth", "it has 1 channels, not 3"), ("dephts", "variant 'shown'")):
-        wrong = _study(tmp_path, text.replace('"albedo"', f'"{kind}"'))
+        wrong = study_of(tmp_path, text.replace('"albedo"', f'"{kind}"'))
         with pytest.raises(UsageError, match=message):
             make_renderer(wrong, scene, (24, 16), "shown", wrong.variants["shown"])

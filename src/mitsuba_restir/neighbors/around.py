@@ -74,7 +74,7 @@ def similar_neighbors(grid: Grid, hits: PrimaryHit) -> mi.UInt32:
         other = Surface(mi.Point3f(*place), mi.Normal3f(*normal), depth)
         after |= dr.select(inside & alike(own, other), mi.UInt32(1 << i), 0)
     dr.eval(after)
-    # Those before it have been asked already: to be alike is mutual.
+    # Each pair is asked once, from its earlier pixel.
     before = mi.UInt32(0)
     for i, (dx, dy) in enumerate(OFFSETS[:half]):
         other, inside = grid.look(pixel, dx, dy)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -31,6 +32,12 @@ class Shown:
     past: mi.Color3f
     candidates: mi.Color3f
     first_round: mi.Color3f
+
+    @cached_property
+    def surface(self) -> mi.SurfaceInteraction3f:
+        """What the camera sees; several images look at it."""
+        ray, pi = camera_ray(self.hit, dr.zeros(mi.Ray3f).wavelengths)
+        return pi.compute_surface_interaction(ray)
 
 
 def _nothing(*_: object) -> list[mi.Float]:
@@ -82,13 +89,8 @@ def path_number(reservoir: Reservoir) -> mi.Float:
     return dr.select(reservoir.weight > 0, mi.Float(identity(reservoir.path)), -1)
 
 
-def _surface(shown: Shown) -> mi.SurfaceInteraction3f:
-    ray, pi = camera_ray(shown.hit, dr.zeros(mi.Ray3f).wavelengths)
-    return pi.compute_surface_interaction(ray)
-
-
 def _albedo(shown: Shown) -> Sequence[mi.Float]:
-    si = _surface(shown)
+    si = shown.surface
     albedo = si.bsdf().eval_diffuse_reflectance(si, si.is_valid())
     return albedo if len(albedo) == 3 else [albedo[0]] * 3
 
@@ -100,7 +102,7 @@ def _depth(shown: Shown) -> mi.Float:
 
 AOVS = {
     "albedo": Aov("RGB", _albedo),
-    "sh_normal": Aov("XYZ", lambda shown: _surface(shown).sh_frame.n),
+    "sh_normal": Aov("XYZ", lambda shown: shown.surface.sh_frame.n),
     "depth": Aov("T", lambda shown: [_depth(shown)]),
     "position": Aov("XYZ", lambda shown: shown.hit.vertex.p),
     "motion": Aov(

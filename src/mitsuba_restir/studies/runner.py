@@ -99,7 +99,7 @@ def render_missing(
     batches = {size: missing_batches(folder, size) for size in study.sizes}
     probes = _missing_probes(folder)
     # A sample of the reference counts as a frame, a probe as a run.
-    samples = study.reference.spp // study.reference.batches or 1 if study.reference else 0
+    samples = study.reference.batch_spp or 1 if study.reference else 0
     frames = study.length * (len(probes) + sum(len(n) for m in todo.values() for n in m.values()))
     meter = _Meter(progress, frames + samples * sum(batches.values()))
     if meter.total == 0:

@@ -129,6 +129,11 @@ class Reference:
         if self.spp % self.batches:
             raise ValueError(f"spp = {self.spp} is no multiple of the {self.batches} batches")
 
+    @property
+    def batch_spp(self) -> int:
+        """Samples per pixel of a batch; zero where batches are stills."""
+        return self.spp // self.batches
+
 
 @dataclass(frozen=True, config=CLOSED)
 class Study:

@@ -52,6 +52,11 @@ class Renderer:
         What the integrator says about its last frame, and what it keeps for the next one.
     channel : int
         The first of the three channels that are taken as the frame.
+    rehearsal : int
+        Frames that compile all kernels: one, and where they are recorded or those of a frame with
+        history are others, three.
+    stills : Stills or None
+        What says of the last frame what a still states, where the frames are stills.
     """
 
     draw: Callable[[int], Any]

@@ -109,7 +109,7 @@ def reference_digest(study: Study, size: Size, scene: str) -> str:
         "view": None if study.view is None else asdict(study.view),
         "size": list(size),
         "max_depth": study.max_depth,
-        "spp": study.reference.spp // study.reference.batches,
+        "spp": study.reference.batch_spp,
         "variant": study.mitsuba_variant,
         "mitsuba": metadata.version("mitsuba"),
         **({} if study.crop is None else {"crop": list(study.crop)}),

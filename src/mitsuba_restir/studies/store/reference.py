@@ -50,7 +50,7 @@ def _mean(
                 return None
             batch = render(mean.count)
             folder.save_batch(size, mean.count, batch)
-        mean.add(batch, reference.spp // reference.batches or 1)
+        mean.add(batch, reference.batch_spp or 1)
     image = mean.image()
     return replace(image, samples=0) if reference.seconds else image
 
@@ -62,7 +62,7 @@ def render_batches(folder: StudyFolder, scene: Any, size: Size, done: Callable[[
     if study.reference.seconds:
         variant = Variant(TYPE, parameters={"seconds": study.reference.seconds})
     else:
-        variant = Variant("path", study.reference.spp // study.reference.batches, ENDLESS)
+        variant = Variant("path", study.reference.batch_spp, ENDLESS)
     renderer = make_renderer(study, scene, size, REFERENCE, variant)
 
     def render(index: int) -> Image:
