@@ -375,7 +375,7 @@ def test_every_quantity_can_be_measured(
 ) -> None:
     if "flip" in name:
         pytest.importorskip("flip_evaluator")
-    if name in ("denoised", "denoised_guided", "average"):
+    if name in ("denoised", "denoised_guided", "average", "flicker"):
         pytest.importorskip("mitsuba_oidn")
     changes = [f'quantities=["{name}"]', "warmup=0", "keep='all'", 'sizes=["48x32"]']
     changes += ["reference.spp=4096", "runs=4"]

@@ -12,6 +12,8 @@ from scipy import ndimage
 
 from mitsuba_restir.analysis import spectrum
 from mitsuba_restir.analysis.covariance import run_products
+from mitsuba_restir.analysis.images import smoothed_reference
+from mitsuba_restir.studies.measure import correlations
 from mitsuba_restir.studies.measure.frame_errors import (
     filtered_mse,
     reference_noise,
@@ -529,6 +531,25 @@ def test_averages_are_measured_raw_and_denoised() -> None:
     raw = rows["a", "relMSE of the average, trimmed"].value.value
     assert raw == pytest.approx(0.01 / 1.01, rel=0.05)
     assert rows["a", "relMSE of the average after OIDN"].value.value < 0.1 * raw
+
+
+def test_flicker_is_what_changes_and_covariance_what_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Frames are a common error of 0.2 and one of 0.1 of their own, and denoising halves both."""
+    monkeypatch.setattr(correlations, "denoise", lambda frame: 1.0 + 0.5 * (frame - 1.0))
+    rng = np.random.default_rng(18)
+    stays = 0.2 * rng.standard_normal((6, 1, *SHAPE))
+    changes = 0.1 * rng.standard_normal((6, 4, *SHAPE))
+    images = {"a": _grey(1.0 + changes + stays), "calm": _grey(1.0 + 0.5 * changes + stays)}
+    rows = _rows("flicker", _data(images, _exact()))
+    flicker, shared = "flicker after OIDN", "covariance of consecutive frames after OIDN"
+    scale = smoothed_reference(np.ones((*SHAPE, 3))).mean() ** 2
+    assert rows["a", flicker].value.value == pytest.approx(2 * 0.05**2 / scale, rel=0.02)
+    assert rows["a", shared].value.value == pytest.approx(0.1**2 / scale, rel=0.05)
+    ratio = rows["calm", flicker].ratio
+    assert ratio is not None
+    assert ratio.value == pytest.approx(0.25, rel=0.02)
 
 
 def test_errors_times_the_time_of_their_own_run() -> None:

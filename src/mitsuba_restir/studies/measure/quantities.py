@@ -242,6 +242,16 @@ QUANTITIES: Mapping[str, Quantity] = {
         sequences=True,
         least_runs=2,
     ),
+    "flicker": Quantity(
+        correlations.flicker,
+        [
+            Number("flicker after OIDN", chart=True),
+            Number("covariance of consecutive frames after OIDN"),
+        ],
+        needs_reference=True,
+        sequences=True,
+        least_runs=2,
+    ),
     "duplication": Quantity(
         probed.of_probe("statistics", compared=True),
         [
