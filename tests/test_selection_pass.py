@@ -10,16 +10,18 @@ from __future__ import annotations
 import gc
 import itertools
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import ndimage, stats
 from support import rooms
 from support.mutants import Mutation, apply
 from support.pixels import image_of, lanes_of, order
 
+from mitsuba_restir.analysis import metrics
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.neighbors import color_history
 from mitsuba_restir.neighbors.around import (
@@ -126,10 +128,10 @@ def everywhere(count=PAIRS + 1):
     return valid
 
 
-def chosen(hits, mean, estimators, reference, sample=0):
+def chosen(hits, mean, estimators, reference, sample=0, levels=select.bounded):
     alike, _ = neighborhoods(hits)
     grid = grid_of(*SIZE)
-    aim = select.Aim(reference, alike, 1.0)
+    aim = select.Aim(reference, alike, 1.0, levels)
     return image(select.choose(grid, key(sample, 1), [Round(mean, estimators)], aim))
 
 
@@ -185,7 +187,7 @@ def test_estimates_of_earlier_rounds_are_shown(wall):
         Round(color(first), PairEstimators([color(v) for v in values], everywhere())),
         Round(color(last), PairEstimators([color(last)] * (PAIRS + 1), everywhere())),
     ]
-    aim = select.Aim(color(reference), neighborhoods(wall)[0], 1.0)
+    aim = select.Aim(color(reference), neighborhoods(wall)[0], 1.0, select.bounded)
     shown = image(select.choose(grid_of(*SIZE), key(0, 1), rounds, aim)).transpose(2, 0, 1)
     steps = [(first - value) / PAIRS for value in values]
     distance = np.stack(
@@ -193,6 +195,33 @@ def test_estimates_of_earlier_rounds_are_shown(wall):
     )
     assert distance.min(0).max() < 1e-5
     assert np.bincount(distance.argmin(0).ravel(), minlength=5).min() > 100
+
+
+def test_errors_are_those_that_a_screen_shows(wall):
+    """Each choice is the better one by what it is made for, seen through a Gaussian."""
+    values, mean, reference = random_frame()
+    estimators = PairEstimators([color(v) for v in values], everywhere())
+    white = 1.5
+    on_screen = partial(select.displayed, white=white)
+    shown = {
+        levels: chosen(wall, color(mean), estimators, color(reference), levels=levels)
+        for levels in (select.bounded, on_screen)
+    }
+
+    def seen(picture, encode):
+        error = encode(picture) - encode(reference.transpose(1, 2, 0))
+        return np.mean(ndimage.gaussian_filter(error, (0.8, 0.8, 0)) ** 2)
+
+    def screen(picture):
+        return metrics.displayed(picture / white)
+
+    def radiance(picture):
+        return np.minimum(picture, select.BRIGHTEST * reference.transpose(1, 2, 0))
+
+    assert seen(shown[on_screen], screen) < 0.9 * seen(shown[select.bounded], screen)
+    assert seen(shown[select.bounded], radiance) < 0.9 * seen(shown[on_screen], radiance)
+    device = on_screen(color(mean), color(reference))
+    np.testing.assert_allclose(image(device), screen(mean.transpose(1, 2, 0)), atol=1e-5)
 
 
 def test_no_candidate_is_below_zero(rgb):
@@ -478,7 +507,7 @@ def sequence(hits, field, warmup=WARMUP, frames=FRAMES):
         dr.eval(mean)
         estimators = PairEstimators(colors, valid)
         scope = replace(NOWHERE, grid=grid_of(*SIZE), key=FrameKey(sample, seed))
-        seen = select.Seen(1.0, changing=field.speed > 0)
+        seen = select.Seen(1.0, white=0.0, changing=field.speed > 0)
         shown, history = select.select(scope, hits, [Round(mean, estimators)], before, seen)
         dr.eval(history, shown)
         return history, mean, shown
@@ -603,11 +632,7 @@ def test_error_is_blue(wall):
 def test_control_neighbors_unseen(wall, monkeypatch):
     apply(
         monkeypatch,
-        (
-            Mutation(
-                "expected - neighbors_error(grid, error, around, pixel, aim.sigma)", "expected"
-            ),
-        ),
+        (Mutation("level - neighbors_error(grid, error, around, pixel, aim.sigma)", "expected"),),
     )
     _, shown = low_powers(wall)
     print(shown)

@@ -243,7 +243,8 @@ def show_paths(
     shown_colors = rounds.colors or [reservoir_color(reservoirs)]
     color, first, colors = shown_colors[-1], shown_colors[0], None
     if sampled.colors is not None:
-        seen = Seen(parameters.blue_noise_sigma, parameters.retrace_history)
+        sigma, white = parameters.blue_noise_sigma, parameters.blue_noise_white
+        seen = Seen(sigma, white, parameters.retrace_history)
         known = [Round(*each) for each in zip(rounds.colors, rounds.estimators, strict=True)]
         color, colors = select(scope, now.hit, known, sampled.colors, seen)
 
