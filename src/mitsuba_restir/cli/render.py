@@ -15,7 +15,7 @@ from ..analysis.denoise import GUIDES
 from ..camera_path import DEFAULT_FPS
 from ..errors import UsageError
 from ..imageio import RGB, Image
-from ..integrators.parameters import asking_for
+from ..integrators.images import asking_for
 from ..passes.shade import AOVS
 from ..scene_files import digest
 from ..sequence import Animation, Shot, video

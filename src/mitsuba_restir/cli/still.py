@@ -13,7 +13,7 @@ import mitsuba as mi
 from .. import __version__, scene_files
 from ..errors import UsageError, rendering
 from ..integrators.declaration import Value
-from ..integrators.parameters import asking_for
+from ..integrators.images import asking_for
 from ..passes.shade import AOVS
 from ..still import checkpoint
 from ..still.driver import begun

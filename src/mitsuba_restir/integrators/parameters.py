@@ -11,6 +11,7 @@ from ..passes.decorrelate import RULES
 from ..passes.shade import AOVS
 from ..paths.record import MAX_EDGES
 from .declaration import declarations, declared
+from .images import images_of
 from .presets import PRESETS, in_words
 
 
@@ -235,17 +236,6 @@ class Parameters:
             for name, declaration in PARAMETERS.items()
             if declaration.biased(self)
         )
-
-
-def images_of(aovs: str) -> tuple[tuple[str, str], ...]:
-    """Name and type of each auxiliary image that the parameter ``aovs`` asks for."""
-    entries = (entry.strip().partition(":") for entry in aovs.split(",") if entry.strip())
-    return tuple((name, kind or name) for name, _, kind in entries)
-
-
-def asking_for(images: Mapping[str, str]) -> str:
-    """The parameter ``aovs``, of `restir_pt` as of Mitsuba's ``aov``, for images: name to type."""
-    return ",".join(f"{name}:{kind}" for name, kind in images.items())
 
 
 PARAMETERS = declarations(Parameters)

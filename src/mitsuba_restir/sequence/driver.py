@@ -11,7 +11,7 @@ import mitsuba as mi
 from ..analysis import denoise as denoiser
 from ..errors import one_line, root
 from ..imageio import RGB, Image
-from ..integrators.parameters import asking_for, images_of
+from ..integrators.images import asking_for, images_of
 from .shot import WARMUP, Shot, seed_from
 
 

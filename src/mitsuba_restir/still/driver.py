@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..analysis import denoise as denoiser
-from ..integrators.parameters import images_of
+from ..integrators.images import images_of
 from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth

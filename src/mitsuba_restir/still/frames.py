@@ -14,7 +14,7 @@ from ..analysis.denoise import GUIDES
 from ..analysis.images import channels_luminance
 from ..errors import one_line
 from ..integrators.declaration import Value
-from ..integrators.parameters import asking_for
+from ..integrators.images import asking_for
 from ..integrators.state import State, unpacked
 from .accumulate import Layout, Size
 from .plan import MIXED, PLANNED, Plan

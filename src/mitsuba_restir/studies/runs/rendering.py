@@ -14,7 +14,7 @@ import numpy as np
 
 from ...analysis.denoise import GUIDES, denoise_guided
 from ...errors import UsageError, one_line
-from ...integrators.parameters import asking_for
+from ...integrators.images import asking_for
 from ...transforms import TO_WORLD, look_at, matrix_of
 from ..config.study import Crop, Size, Study, Variant
 from ..config.view import View
