@@ -136,3 +136,16 @@ def test_ctrl_c_ends_a_comparison_in_one_line(tmp_path, monkeypatch, capsys):
     words = ["compare", "cornell", "--resolution", "16x12", "--reference-spp", "8"]
     assert cli.main([*words, "-o", str(tmp_path / "o")]) == cli.INTERRUPTED
     assert capsys.readouterr().err.splitlines()[-1] == "mitsuba-restir: interrupted"
+
+
+@pytest.mark.slow
+def test_ctrl_c_at_equal_time_keeps_the_comparison(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(compare.compare_time, "pictures", interrupted)
+    words = ["compare", "cornell", "--resolution", "16x12", "--reference-spp", "8"]
+    words += ["--frames", "2", "--equal-time", "9", "-o", str(tmp_path)]
+    assert cli.main(words) == cli.INTERRUPTED
+    assert (tmp_path / "compare.csv").stat().st_size > 0
+    assert not (tmp_path / "equal_time.csv").exists()

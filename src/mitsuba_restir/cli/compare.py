@@ -125,18 +125,17 @@ def run(options: argparse.Namespace) -> int:
             reference = ReferenceImage(given.astype(np.float64), np.zeros(given.shape))
             source = f"{origin}, whose own error is in all errors"
         rows = _rows(study, renderers, reference, progress)
+        title = f"{study.scene}, {_size(study)}, depth {_depths(study)['max_depth']}"
+        compare_report.write(folder, title, rows, reference.image.astype(np.float32))
         if options.equal_time:
             shown = compare_time.pictures(_subject(study, scene, sensor, options), progress)
-    title = f"{study.scene}, {_size(study)}, depth {_depths(study)['max_depth']}"
-    compare_report.write(folder, title, rows, reference.image.astype(np.float32))
+            compare_time.write(folder, title, shown, reference)
     console = Console()
     console.print(compare_report.table(title, source, rows))
     means = {row.label: [row.mean] for row in rows}
     data = Measured(_size(study), {}, "", {}, reference, study.epsilon, study.trim)
     if text := excess(shares(data, means, trimmed)):
         say(f"do not rely on relMSE of mean: {text}")
-    if options.equal_time:
-        compare_time.write(folder, title, shown, reference)
     console.print(f"Pictures and numbers: {folder / compare_report.STRIP} and beside it")
     return 0
 
