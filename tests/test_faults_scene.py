@@ -5,7 +5,9 @@ from __future__ import annotations
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -330,6 +332,26 @@ def test_a_mesh_with_fewer_triangles(rgb, parameters, instanced, tmp_path):
 
 # --------------------------------- threads ------------------------------------------------------
 
+
+def test_a_scene_is_looked_at_in_its_turn(rgb):
+    """Replays crash where another thread is the first to look at an object of any scene."""
+    looked = threading.Event()
+
+    class Scene:
+        def sensors(self) -> list[Any]:
+            looked.set()
+            return []
+
+    renderer = mi.load_dict(edits.RENDERER)
+    with ThreadPoolExecutor(1) as pool:
+        with recording.frame_alone():
+            frame = pool.submit(renderer.render, Scene())
+            assert not looked.wait(0.3)
+        with pytest.raises(IndexError):
+            frame.result()
+    assert looked.is_set()
+
+
 THREADS = """
     sys.setswitchinterval(1e-4)
     what = sys.argv[1]
@@ -370,6 +392,51 @@ THREADS = """
             if images[index]:
                 np.testing.assert_array_equal(images[index], expected)
 """
+
+
+NEW_SCENES = """
+    sys.setswitchinterval(1e-4)
+    description = edits.things()["bsdf plastic"]
+    scenes = [mi.load_dict(description) for _ in range(20)]
+    renderers = [mi.load_dict(edits.RENDERER) for _ in range(2)]
+    edits.frames(renderers[0], scenes[0], 3)
+    errors, done = [], threading.Event()
+
+    def render_on():
+        while not done.is_set():
+            renderers[0].render(scenes[0], spp=1)
+
+    def render_new():
+        for scene in scenes[1:]:
+            if sys.argv[1] == "integrator.render":
+                renderers[1].render(scene, spp=1)
+            else:
+                mi.render(scene, integrator=renderers[1], spp=1)
+
+    def caught(function):
+        try:
+            function()
+        except BaseException as error:
+            errors.append(repr(error))
+        done.set()
+
+    if sys.argv[1] == "mi.render":
+        for scene in scenes:
+            mi.traverse(scene)
+    threads = [threading.Thread(target=caught, args=[job]) for job in (render_on, render_new)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not errors, errors
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("call", ["integrator.render", "mi.render"])
+def test_new_scenes_beside_a_thread_that_renders(rgb, call):
+    """Every scene is new to Python, or has been traversed before: nothing crashes."""
+    child(NEW_SCENES, call)
 
 
 @pytest.mark.slow

@@ -135,7 +135,6 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         """
         if not develop:
             raise ValueError("restir_pt: develop=False is not supported; a call returns one frame")
-        # Whoever looks at a scene for the first time has to wait for his turn, too.
         with frame_alone(), dr.suspend_grad():
             if isinstance(sensor, int):
                 sensor = scene.sensors()[sensor]
