@@ -5,7 +5,9 @@ from __future__ import annotations
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -330,6 +332,26 @@ def test_a_mesh_with_fewer_triangles(rgb, parameters, instanced, tmp_path):
 
 # --------------------------------- threads ------------------------------------------------------
 
+
+def test_a_scene_is_looked_at_in_its_turn(rgb):
+    """Replays crash where another thread is the first to look at an object of any scene."""
+    looked = threading.Event()
+
+    class Scene:
+        def sensors(self) -> list[Any]:
+            looked.set()
+            return []
+
+    renderer = mi.load_dict(edits.RENDERER)
+    with ThreadPoolExecutor(1) as pool:
+        with recording.frame_alone():
+            frame = pool.submit(renderer.render, Scene())
+            assert not looked.wait(0.3)
+        with pytest.raises(IndexError):
+            frame.result()
+    assert looked.is_set()
+
+
 THREADS = """
     sys.setswitchinterval(1e-4)
     what = sys.argv[1]
@@ -370,6 +392,40 @@ THREADS = """
             if images[index]:
                 np.testing.assert_array_equal(images[index], expected)
 """
+
+
+NEW_SCENES = """
+    sys.setswitchinterval(1e-4)
+    description = edits.things()["bsdf plastic"]
+    scenes = [mi.load_dict(description) for _ in range(61)]
+    renderers = [mi.load_dict(edits.RENDERER) for _ in range(2)]
+    edits.frames(renderers[0], scenes[0], 3)
+    errors, done = [], threading.Event()
+
+    def render_on():
+        try:
+            while not done.is_set():
+                renderers[0].render(scenes[0], spp=1)
+        except BaseException as error:
+            errors.append(repr(error))
+
+    thread = threading.Thread(target=render_on)
+    thread.start()
+    for scene in scenes[1:]:
+        try:
+            renderers[1].render(scene, seed=-1)  # refused, once the scene has been looked at
+        except ValueError:
+            pass
+    done.set()
+    thread.join()
+    assert not errors, errors
+"""
+
+
+@pytest.mark.slow
+def test_new_scenes_beside_a_thread_that_renders(rgb):
+    """Every one is new to Python, too."""
+    child(NEW_SCENES)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import drjit as dr
@@ -88,39 +88,19 @@ class Stage:
         return self._traced(signature, leaves)
 
 
-class _Turns:
-    """Whose turn it is: one thread at a time."""
-
-    def __init__(self) -> None:
-        self._lock = threading.RLock()
-        self._last = threading.get_ident()
-        self._several = False
-
-    def __enter__(self) -> None:
-        if not self._lock.acquire(blocking=False):
-            self._several = True
-            self._lock.acquire()
-        self._several |= self._last != threading.get_ident()
-        self._last = threading.get_ident()
-
-    def __exit__(self, *_: object) -> None:
-        if self._several:
-            # Of 80 processes with two threads 3 crashed instead of 6 of 60; why is not known.
-            dr.sync_thread()
-        self._lock.release()
+_TURN = threading.RLock()
 
 
-_TURNS = _Turns()
-
-
-def frame_alone() -> _Turns:
-    """One frame at a time in a process; other threads wait here.
+def frame_alone() -> AbstractContextManager[Any]:
+    """One frame at a time in a process; other threads wait here, before they look at a scene.
 
     Dr.Jit 1.5 keeps what it replays in variables of the process and holds its own lock while it
     calls Python, which may pass to another thread: two recorded functions in two threads end in
-    "unknown variable" or wait for each other for ever.
+    "unknown variable" or wait for each other for ever. A recorded function also goes over the
+    objects of all scenes before and after its kernels, as Python objects if they have been looked
+    at, and crashes on one that was first looked at in between.
     """
-    return _TURNS
+    return _TURN
 
 
 @contextmanager

@@ -135,11 +135,11 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         """
         if not develop:
             raise ValueError("restir_pt: develop=False is not supported; a call returns one frame")
-        if isinstance(sensor, int):
-            sensor = scene.sensors()[sensor]
-        check_same_variant(self._variant, scene, sensor)
-        spp = checked_spp(spp, sensor)
         with frame_alone(), dr.suspend_grad():
+            if isinstance(sensor, int):
+                sensor = scene.sensors()[sensor]
+            check_same_variant(self._variant, scene, sensor)
+            spp = checked_spp(spp, sensor)
             self.prepare(scene, sensor)
             self.frame = None
             key = FrameKey(dr.opaque(mi.UInt32, self._sample), checked_seed(seed))
