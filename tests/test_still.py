@@ -57,6 +57,9 @@ class Urn:
     def state(self) -> None:
         return None
 
+    def preview(self) -> None:
+        return None
+
 
 def estimates(*kinds: Callable[[np.random.Generator, int], np.ndarray]) -> Draw:
     """Grey frames of several estimates; the picture's own is the last kind."""

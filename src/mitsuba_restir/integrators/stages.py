@@ -52,6 +52,7 @@ class Stages:
         self._changing = parameters.retrace_history
         self._changes = parameters.mutates or bool(parameters.images)
         self._feedback = parameters.spatial_feedback
+        self._keeps = plan.keeps_rounds
         self._meet = Stage(meet_surfaces, plan)
         self._sample = Stage(sample_paths, plan)
         self._look_back = Stage(look_back, plan)
@@ -131,7 +132,8 @@ class Stages:
             reservoirs, rounds = shared.reservoirs, after_round(rounds, shared)
             if index < self._feedback:
                 kept = reservoirs
-        return self._show(setting, sampled, changed, rounds, (reservoirs, kept))
+        frame = self._show(setting, sampled, changed, rounds, (reservoirs, kept))
+        return replace(frame, rounds=rounds.known) if self._keeps else frame
 
     def forget(self) -> None:
         """Drop what is recorded: the scene is no longer the one that it was recorded of."""
