@@ -1,36 +1,36 @@
 r"""Previews: what is shown of a still while it grows, steered so that its error is blue.
 
-With x_i the value that frame i adds to the mean, P_n of n frames is shown in the place of their mean
-M_n:
+With x_i the value that frame i adds to the mean, P_n is shown in the place of the mean M_n of n
+frames:
 
     P_n = ((n - 1) P_{n-1} + y_n) / n,    y_n = r_n + w c_n,    r_n = x_n - w m_n,
 
 where m_n is the mean of the last round's pair estimators, w its weight in the mixture of the
-frame's estimates, and c_n is m_n or another mean of pair estimators, those that selection chooses from
-(:mod:`mitsuba_restir.resampling.subsets`). All y_n are convex combinations of the frame's estimates
-with fixed weights, so P_n is a mean of n values like M_n, and
+frame's estimates, and c_n is m_n or another of the means that selection chooses from
+(:mod:`mitsuba_restir.resampling.subsets`). All y_n are combinations of the frame's estimates with
+fixed weights that sum to one, so P_n is a mean of n values like M_n, and
 
-    P_n = M_n + (1/n) Σ (w (c_i - m_i)):
+    P_n = M_n + (1/n) Σ w (c_i - m_i):
 
 the mean, and a term that is for display only. The choice is that of
-:mod:`mitsuba_restir.passes.select`, among the colours P_n instead of those of a frame: it is least
-of the energy Σ |g_sigma * (P_n - a_n)|² over one pixel, the others given, against an aim a_n
+:mod:`mitsuba_restir.passes.select`, among colours P_n instead of those of a frame: of the energy
+Σ |g_sigma * (P_n - a_n)|² the least over one pixel, the others given, against an aim a_n
 (:mod:`.aim`), which is the mean so far without much of its noise.
 
 That is error feedback over frames. Each choice goes on from P_{n-1}, and cancels what the last ones
-left of error against an aim that is better known by now. One choice moves a pixel by s / n with s the
-spread of its candidates. If only the newest frame were chosen, on top of M_{n-1}, that would be all
-that there is against an error of s / sqrt(n), and the gain would fade as 1 / sqrt(n).
+left of error, against an aim that is better known by now. One choice moves a pixel by s / n, with s
+the spread of its candidates. If only the newest frame were chosen, on top of M_{n-1}, that would be
+all that there is against an error of s / sqrt(n), and the gain would fade as 1 / sqrt(n).
 
-The choice depends on the values chosen from: P_n is biased, pixel against pixel, and its mean is made
-that of M_n (:func:`mitsuba_restir.passes.select.as_bright`). It goes nowhere but to a screen: neither
-the sums of the still nor its weights, checkpoint and frames know of it. Pixels whose mean is not
-finite show that, and around them the mean is shown.
+The choice depends on the values chosen from: P_n is biased, pixel against pixel, and its mean is
+made that of M_n (:func:`mitsuba_restir.passes.select.as_bright`). It goes nowhere but to a screen:
+neither the sums of the still nor its weights, checkpoint and frames know of it. Pixels whose mean
+is not finite show that, and around them what was shown before goes on with plain frames.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -128,6 +128,10 @@ class Preview:
                 # It may begin anywhere in a still, with the mean.
                 before = mi.Color3f(*_by_pixels(self._steering.grid, added.before))
                 dr.eval(before)
+            # As arrays of Dr.Jit's own: how NumPy's are aligned differs, and is recorded.
+            weights = [weight + dr.opaque(mi.Float, 0) for weight in added.weights]
+            dr.eval(weights)
+            added = replace(added, weights=weights)
             self._shown = self._steer(estimated, added, before)
 
     def picture(self, sums: Sums) -> Image:
