@@ -15,11 +15,11 @@ than noise makes it, with the mean of 21 pixels that know as much as 13 independ
 
     A <- A + (A' - A) min(1, (v / 13) / mean(D²)).
 
-Error of A in .06-.17 cycles per pixel over that of M (power), of 1, 4 and 16 frames at 320x180 (two
-stills each; at 10 for 13): plan ``rounds``, ceiling view of Veach Ajar 0.24, 0.09, 0.10, whole view
-0.80, 0.79, 1.01; frames of one tree, 3 neighbours and one round, 0.04, 0.02, 0.01 and 0.34, 0.33,
-0.43. Bilateral means by brightness alone, as selection smooths its history, but three passes: 0.27,
-0.12, 0.05 and 0.67, 0.84, 1.62; 1.05, 0.93, 0.70 and 1.03, 0.98, 0.80.
+Error of A in .06-.17 cycles per pixel over that of M (power), of 1, 4 and 16 frames at 320x180, two
+stills each, with 10 in the place of 13: plan ``rounds``, ceiling view of Veach Ajar 0.24, 0.09,
+0.10, whole view 0.80, 0.79, 1.01; frames of one tree, 3 neighbours and one round, 0.04, 0.02, 0.01
+and 0.34, 0.33, 0.43. Bilateral means by brightness alone, as selection smooths its history, but
+three passes: 0.27, 0.12, 0.05 and 0.67, 0.84, 1.62; 1.05, 0.93, 0.70 and 1.03, 0.98, 0.80.
 """
 
 from __future__ import annotations

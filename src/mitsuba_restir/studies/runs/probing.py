@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from ...still.driver import begun
 from ...still.frames import Subject, previewed
-from ...still.goal import Goal
+from ...still.goal import LEAST, Goal
+from ...still.growth import Growth
 from ...still.picture import stopwatch
 from ...still.plan import parse
 from ..config.study import Size, Study
@@ -52,23 +53,27 @@ def probed_frames(
             yield tensor, renderer.statistics()
 
 
-def previewed_frames(
-    study: Study, size: Size, name: str, index: int, counts: Collection[int]
-) -> Iterator[tuple[int, Image, Image]]:
-    """Render a still; after each of some numbers of frames, yield it, its mean and its preview."""
-    variant = study.variants[name]
-    if variant.type != TYPE:
-        return
-    scene = load_scene(study)
+def growing(study: Study, size: Size, name: str, index: int, steered: bool) -> Growth:
+    """Begin a still of a variant, with a preview that is steered or without one."""
+    scene, plan = load_scene(study), study.variants[name].parameters.get("plan")
     subject = Subject(
         scene,
         make_sensor(study, scene, size),
         seed_of(study.seed, KEY, index, 0),
         {"max_depth": study.max_depth},
-        previewed=previewed({"blue_noise": "selection"}),
+        previewed=previewed({"blue_noise": "selection"}) if steered else None,
     )
-    plan, goal = variant.parameters.get("plan"), Goal(frames=max(counts))
-    growth = begun(subject, None if plan is None else parse(str(plan)), goal, stopwatch())
-    for now in growth.grow(goal):
+    asked = None if plan is None else parse(str(plan))
+    return begun(subject, asked, Goal(frames=max(study.frames, LEAST)), stopwatch())
+
+
+def previewed_frames(
+    study: Study, size: Size, name: str, index: int, counts: Collection[int]
+) -> Iterator[tuple[int, Image, Image]]:
+    """Render a still; after each of some numbers of frames, yield it, its mean and its preview."""
+    if study.variants[name].type != TYPE:
+        return
+    growth = growing(study, size, name, index, steered=True)
+    for now in growth.grow(Goal(frames=max(counts))):
         if now.frames in counts:
             yield now.frames, growth.picture(), growth.shown()
