@@ -24,11 +24,12 @@ from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
 from mitsuba_restir.resampling.subsets import Round
 from mitsuba_restir.sampling.streams import FrameKey
-from mitsuba_restir.still import accumulate, checkpoint, growth, preview
+from mitsuba_restir.still import accumulate, checkpoint, driver, growth, preview
 from mitsuba_restir.still.accumulate import Layout
 from mitsuba_restir.still.frames import Frames, Subject, previewed
 from mitsuba_restir.still.goal import Goal
 from mitsuba_restir.still.growth import Growth
+from mitsuba_restir.still.pilot import Choice
 from mitsuba_restir.still.plan import Plan
 from mitsuba_restir.still.preview import Added, Estimated, Preview, Steering
 
@@ -321,3 +322,49 @@ def test_without_reuse_the_mean_is_shown(room):
 )
 def test_it_is_asked_for_by_the_parameters_of_selection(given, sigma):
     assert previewed(given) == sigma
+
+
+def test_the_pilot_knows_nothing_of_it(room, monkeypatch):
+    """Its frames keep nothing to choose from, and none of them is in the picture."""
+
+    def quick(begin: Any, goal: Any, trial: Any) -> Choice:
+        begin(MIXED)(1)
+        return Choice(MIXED, "it was the first", 0.0)
+
+    made_of: list[Subject] = []
+
+    def watched(subject: Subject, plan: Plan) -> Frames:
+        made_of.append(subject)
+        return Frames(subject, plan)
+
+    monkeypatch.setattr(driver, "pilot", quick)
+    monkeypatch.setattr(driver, "Frames", watched)
+    pictures = []
+    for sigma in (None, 0.8):
+        subject = frames_of(room, sigma).subject
+        still = driver.begun(subject, None, Goal(frames=3), lambda: 0.0)
+        for _ in still.grow(Goal(frames=3)):
+            pass
+        pictures.append(still.picture())
+    np.testing.assert_array_equal(*pictures)
+    assert [subject.previewed for subject in made_of] == [None, None, 0.8]
+    assert (still.shown() != still.picture()).any()
+
+
+def test_nothing_is_compiled_again(room, monkeypatch):
+    """Through decisions of a still, and from one to the next."""
+    monkeypatch.setattr(growth, "mixture", thirds)
+    frames = frames_of(room, 0.8)
+    for seed, count in enumerate((6, 10)):
+        frames.restart(seed)
+        still = Growth(frames, "", lambda: 0.0)
+        for _ in still.grow(Goal(frames=count)):
+            still.shown()
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        for _ in Growth(frames, "", lambda: 0.0).grow(Goal(frames=10)):
+            pass
+        history = dr.kernel_history([dr.KernelType.JIT])
+    missed = [kernel for kernel in history if not kernel["cache_hit"]]
+    assert history
+    assert not missed, f"{len(missed)} of {len(history)} kernels were compiled again"
