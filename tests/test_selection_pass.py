@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import itertools
 from dataclasses import dataclass, fields, replace
-from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -47,6 +46,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 WIDTH, HEIGHT = 96, 64
 SIZE = (WIDTH, HEIGHT)
 PAIRS = 3
+SEEN = select.Seen(1.0)
 WARMUP, FRAMES, BATCH = 70, 300, 60
 ERRORS = 5.0
 """Standard errors between an estimated bias and its bound, by 5 batches of frames that are about as
@@ -130,10 +130,10 @@ def everywhere(count=PAIRS + 1):
     return valid
 
 
-def chosen(hits, mean, estimators, reference, sample=0, levels=select.bounded):
+def chosen(hits, mean, estimators, reference, sample=0, seen=SEEN):
     alike, _ = neighborhoods(hits)
     grid = grid_of(*SIZE)
-    aim = select.Aim(reference, alike, 1.0, levels)
+    aim = select.Aim(reference, alike, seen)
     return image(select.choose(grid, key(sample, 1), [Round(mean, estimators)], aim))
 
 
@@ -189,7 +189,7 @@ def test_estimates_of_earlier_rounds_are_shown(wall):
         Round(color(first), PairEstimators([color(v) for v in values], everywhere())),
         Round(color(last), PairEstimators([color(last)] * (PAIRS + 1), everywhere())),
     ]
-    aim = select.Aim(color(reference), neighborhoods(wall)[0], 1.0, select.bounded)
+    aim = select.Aim(color(reference), neighborhoods(wall)[0], SEEN)
     shown = image(select.choose(grid_of(*SIZE), key(0, 1), rounds, aim)).transpose(2, 0, 1)
     steps = [(first - value) / PAIRS for value in values]
     distance = np.stack(
@@ -203,26 +203,25 @@ def test_errors_are_those_that_a_screen_shows(wall):
     """Each choice is the better one by what it is made for, seen through a Gaussian."""
     values, mean, reference = random_frame()
     estimators = PairEstimators([color(v) for v in values], everywhere())
-    white = 1.5
-    on_screen = partial(select.displayed, white=white)
+    on_screen = select.Seen(1.0, white=1.5)
     shown = {
-        levels: chosen(wall, color(mean), estimators, color(reference), levels=levels)
-        for levels in (select.bounded, on_screen)
+        seen: chosen(wall, color(mean), estimators, color(reference), seen=seen)
+        for seen in (SEEN, on_screen)
     }
 
-    def seen(picture, encode):
-        error = encode(picture) - encode(reference.transpose(1, 2, 0))
-        return np.mean(ndimage.gaussian_filter(error, (0.8, 0.8, 0)) ** 2)
+    def error(picture, encode):
+        off = encode(picture) - encode(reference.transpose(1, 2, 0))
+        return np.mean(ndimage.gaussian_filter(off, (0.8, 0.8, 0)) ** 2)
 
     def screen(picture):
-        return metrics.displayed(picture / white)
+        return metrics.displayed(picture / on_screen.white)
 
     def radiance(picture):
         return np.minimum(picture, select.BRIGHTEST * reference.transpose(1, 2, 0))
 
-    assert seen(shown[on_screen], screen) < 0.9 * seen(shown[select.bounded], screen)
-    assert seen(shown[select.bounded], radiance) < 0.9 * seen(shown[on_screen], radiance)
-    device = on_screen(color(mean), color(reference))
+    assert error(shown[on_screen], screen) < 0.9 * error(shown[SEEN], screen)
+    assert error(shown[SEEN], radiance) < 0.9 * error(shown[on_screen], radiance)
+    device = on_screen.levels(color(mean), color(reference))
     np.testing.assert_allclose(image(device), screen(mean.transpose(1, 2, 0)), atol=1e-5)
 
 
@@ -509,8 +508,8 @@ def sequence(hits, field, warmup=WARMUP, frames=FRAMES):
         dr.eval(mean)
         estimators = PairEstimators(colors, valid)
         scope = replace(NOWHERE, grid=grid_of(*SIZE), key=FrameKey(sample, seed))
-        seen = select.Seen(1.0, white=0.0, changing=field.speed > 0)
-        shown, history = select.select(scope, hits, [Round(mean, estimators)], before, seen)
+        rounds, changing = [Round(mean, estimators)], field.speed > 0
+        shown, history = select.select(scope, hits, rounds, before, SEEN, changing)
         dr.eval(history, shown)
         return history, mean, shown
 
@@ -634,7 +633,11 @@ def test_error_is_blue(wall):
 def test_control_neighbors_unseen(wall, monkeypatch):
     apply(
         monkeypatch,
-        (Mutation("level - neighbors_error(grid, error, around, pixel, aim.sigma)", "expected"),),
+        (
+            Mutation(
+                "level - neighbors_error(grid, error, around, pixel, aim.seen.sigma)", "expected"
+            ),
+        ),
     )
     _, shown = low_powers(wall)
     print(shown)

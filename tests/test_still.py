@@ -57,6 +57,9 @@ class Urn:
     def state(self) -> None:
         return None
 
+    def preview(self) -> None:
+        return None
+
 
 def estimates(*kinds: Callable[[np.random.Generator, int], np.ndarray]) -> Draw:
     """Grey frames of several estimates; the picture's own is the last kind."""
@@ -451,7 +454,7 @@ def test_own_parameters_are_set_whatever_the_plan_says(room):
     [
         ({"temporal": True}, "temporal=True: its frames are independent"),
         ({"preset": "fast"}, "preset=fast: it has plans instead"),
-        ({"blue_noise": "selection"}, "blue_noise=selection; it can have max_depth"),
+        ({"blue_noise": "selection"}, "blue_noise=selection: its picture is the plain mean"),
         ({"mutation_acceptance": "energy"}, "mutation_acceptance=energy"),
         ({"depth": 3}, "depth=3"),
         ({"spatial_rounds": 99}, "spatial_rounds must be an integer from 1 to 16"),

@@ -130,6 +130,9 @@ BAD = {
     "history": (["-p", "temporal=true"], "its frames are independent"),
     "preset": (["-p", "preset=fast"], "it has plans instead"),
     "biased": (["-p", "mutation_acceptance=energy"], "a still cannot have"),
+    "previews of nothing": (["-p", "blue_noise=selection"], "what is shown of a still while it"),
+    "no such previews": (["-p", "blue_noise=blue", "--tev", "localhost"], "blue_noise must be"),
+    "seen from too far": (["-p", "blue_noise_sigma=9"], "blue_noise_sigma must be"),
     "unknown parameter": (["-p", "depth=3"], "no parameter 'depth'"),
     "parameter out of range": (["-p", "spatial_rounds=99"], "from 1 to 16"),
     "depth twice": (["-p", "max_depth=3", "--max-depth", "2"], "not allowed with"),
@@ -345,6 +348,27 @@ def test_tev_is_sent_the_growing_picture(folder, capsys):
     pixels = np.frombuffer(listener.packets[-1][-9 * 16 * 3 * 4 :], "<f4").reshape(9, 16, 3)
     written = channels("a.exr")
     np.testing.assert_array_equal(pixels, np.stack([written[name] for name in "RGB"], axis=-1))
+
+
+def test_tev_is_sent_previews_and_at_last_what_is_written(folder, monkeypatch):
+    pytest.importorskip("tevclient")
+    assert cli.main([*TINY, "--frames", "4"]) == 0
+    Path("a.exr").rename("plain.exr")
+    monkeypatch.setattr("mitsuba_restir.cli.still.SHOWN_EVERY", 0.0)
+    listener = Listener()
+    listener.start()
+    place = f"127.0.0.1:{listener.port}"
+    words = ["--frames", "4", "--tev", place, "-p", "blue_noise=selection"]
+    assert cli.main([*TINY, *words]) == 0
+    listener.join(10)
+    assert_same("plain.exr", "a.exr")
+    shown = [np.frombuffer(p[-9 * 16 * 3 * 4 :], "<f4") for p in listener.packets[1:]]
+    written = channels("a.exr")
+    picture = np.stack([written[name] for name in "RGB"], axis=-1).ravel()
+    assert len(shown) == 5
+    np.testing.assert_array_equal(shown[-1], picture)
+    assert (shown[-2] != picture).any()
+    np.testing.assert_allclose(shown[-2].mean(), picture.mean(), rtol=1e-5)
 
 
 def test_without_a_tev_rendering_goes_on(folder, capsys):

@@ -154,6 +154,23 @@ def test_a_resting_camera_makes_a_still_and_that_a_reference(rgb):
         director.picture(replace(away, kept=2))
 
 
+def test_with_selection_a_still_is_steered_and_its_reference_plain(rgb):
+    renderer = _renderer()
+    director = _director(renderer)
+    settings = Settings((Side({"blue_noise": "selection"}), Side()))
+    resting = _task(renderer, settings, rest=2 * SETTLED)
+    shown = [director.picture(resting) for _ in range(SHOWN_FROM)][-1]
+    assert shown is not None
+    plain = director._resting.still(denoise=False).image
+    steered = director._resting.shown()
+    assert (steered != plain).any()
+    np.testing.assert_allclose(steered.mean(), plain.mean(), rtol=1e-5)
+    director.picture(replace(resting, kept=1))
+    reference = director._reference.image
+    np.testing.assert_allclose(reference, plain, atol=0.2 * plain.max())
+    assert director._resting.still(denoise=False).frames == SHOWN_FROM + 1
+
+
 def test_a_black_still_is_said_in_json(rgb):
     renderer = _renderer()
     director = _director(renderer)

@@ -5,19 +5,21 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import mitsuba as mi
 
 from .. import __version__, scene_files
-from ..errors import UsageError, rendering
+from ..errors import UsageError, one_line, rendering
 from ..integrators.declaration import Value
 from ..integrators.images import asking_for
+from ..passes.select import Seen
 from ..passes.shade import AOVS
 from ..still import checkpoint
 from ..still.driver import begun
-from ..still.frames import Frames, Subject, check_parameters
+from ..still.frames import PREVIEWS, Frames, Subject, check_parameters, previewed
 from ..still.goal import ERROR, LEAST, Goal, goal_of
 from ..still.growth import Growth
 from ..still.picture import stopwatch
@@ -104,7 +106,8 @@ def add_command(commands: Any) -> None:
         "--tev",
         metavar="HOST:PORT",
         type=partial(place, port=tev.PORT),
-        help=f"show the growing picture in a running tev (port {tev.PORT})",
+        help=f"show the growing picture in a running tev (port {tev.PORT}); with -p "
+        "blue_noise=selection steered so that its error is blue, until it is finished",
     )
     parser.set_defaults(run=run)
 
@@ -113,12 +116,13 @@ def run(options: argparse.Namespace) -> int:
     """Render; 0 when the picture is written."""
     goal = goal_of(options.error, options.time_budget, options.frames)
     parameters = _parameters(options)
+    seen_through = _seen_through(parameters, options)
     aovs = parse_aovs(options.aovs) if options.aovs is not None else {}
     if options.denoise:
         denoising.require()
     plan = None if options.plan is None else _plan(options.plan)
     target = output.plan(options.output, options.scene, numbered=False)
-    subject = _subject(options, parameters, aovs)
+    subject = replace(_subject(options, parameters, aovs), previewed=seen_through)
     output.prepare_folder(target.stem.parent, f"{target.name(0, DENOISED).name}{SUFFIX}")
     files = StillFiles(
         target,
@@ -150,7 +154,7 @@ def _parameters(options: argparse.Namespace) -> dict[str, Value]:
     try:
         check_parameters({name: text for name, text in given.items() if name == "preset"})
         parameters = parse_parameters(given)
-        check_parameters(parameters)
+        check_parameters({k: value for k, value in parameters.items() if k not in PREVIEWS})
     except ValueError as error:
         raise UsageError(f"argument -p: {error}") from error
     if options.max_depth is not None:
@@ -158,6 +162,21 @@ def _parameters(options: argparse.Namespace) -> dict[str, Value]:
             raise UsageError("argument --max-depth: not allowed with -p max_depth")
         parameters["max_depth"] = options.max_depth
     return parameters
+
+
+def _seen_through(parameters: dict[str, Value], options: argparse.Namespace) -> Seen | None:
+    """What is asked of previews, taken out of the parameters of the still."""
+    asked = {name: parameters.pop(name) for name in PREVIEWS if name in parameters}
+    try:
+        found = previewed(asked)
+    except ValueError as error:
+        raise UsageError(f"argument -p: {one_line(error)}") from error
+    if found is not None and options.tev is None:
+        raise UsageError(
+            "argument -p: blue_noise=selection steers what is shown of a still while it grows, not "
+            "what is written, and needs --tev"
+        )
+    return found
 
 
 def _subject(
@@ -215,7 +234,7 @@ def _grow(growth: Growth, goal: Goal, files: StillFiles, options: argparse.Names
                     report(now)
                     files.tick(growth)
                     if viewer.connected and time.perf_counter() - shown >= SHOWN_EVERY:
-                        viewer.show(growth.picture())
+                        viewer.show(growth.shown())
                         shown = time.perf_counter()
             viewer.show(growth.picture())
     except KeyboardInterrupt as error:

@@ -39,7 +39,6 @@ from ..paths.primary_hit import Primary
 from ..paths.spectrum import Spectra
 from ..resampling.pairwise import Sharing
 from ..resampling.reservoir import Reservoir
-from ..resampling.subsets import Round
 from ..shifts.carry import Source, carried_back, carried_forth, kept_pdf
 from .frame_data import (
     Beside,
@@ -215,7 +214,8 @@ def share_paths(
     sharing = Sharing(plan.scope(setting), setting.now.hit, parameters.spatial_neighbors)
     strategy = STRATEGIES[parameters.neighbor_sampling]
     merged = spatial(sharing, strategy, layout, reservoirs, index)
-    estimators = [merged.estimators] if parameters.selects else []
+    chosen_from = parameters.selects or plan.keeps_rounds
+    estimators = [merged.estimators] if chosen_from else []
     shared = Shared(merged.reservoirs, merged.color, estimators, merged.outcomes)
     dr.eval(shared)
     return shared
@@ -243,10 +243,9 @@ def show_paths(
     shown_colors = rounds.colors or [reservoir_color(reservoirs)]
     color, first, colors = shown_colors[-1], shown_colors[0], None
     if sampled.colors is not None:
-        sigma, white = parameters.blue_noise_sigma, parameters.blue_noise_white
-        seen = Seen(sigma, white, parameters.retrace_history)
-        known = [Round(*each) for each in zip(rounds.colors, rounds.estimators, strict=True)]
-        color, colors = select(scope, now.hit, known, sampled.colors, seen)
+        seen = Seen(parameters.blue_noise_sigma, parameters.blue_noise_white)
+        changing = parameters.retrace_history
+        color, colors = select(scope, now.hit, rounds.known, sampled.colors, seen, changing)
 
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     beside = sampled.beside

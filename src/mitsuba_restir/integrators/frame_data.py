@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -23,6 +23,7 @@ from ..paths.settings import PathLimits
 from ..paths.spectrum import Spectra
 from ..resampling.pairwise import PairEstimators
 from ..resampling.reservoir import Reservoir, empty_reservoir
+from ..resampling.subsets import Round
 from ..sampling.dither import Dither
 from ..sampling.streams import FrameKey
 from ..shifts.hybrid import Shifted
@@ -155,8 +156,8 @@ class Changed:
 class Shared:
     """A frame after a round of spatial reuse.
 
-    Fields: ``reservoirs``, ``color`` (mean of the pair estimators), ``estimators`` (one entry with
-    selection, none without), ``outcomes`` (of the shifts).
+    Fields: ``reservoirs``, ``color`` (mean of the pair estimators), ``estimators`` (one entry where
+    they are chosen from, none elsewhere), ``outcomes`` (of the shifts).
     """
 
     reservoirs: Reservoir
@@ -169,13 +170,18 @@ class Shared:
 class Rounds:
     """What rounds of spatial reuse leave beside their reservoirs.
 
-    Fields: ``colors`` (of the first and the last, with selection of all), ``estimators`` (with
-    selection of all, else none), ``outcomes`` (of the temporal pass and each round).
+    Fields: ``colors`` (of the first and the last, or of all where they are chosen from),
+    ``estimators`` (of all then, else none), ``outcomes`` (of the temporal pass and each round).
     """
 
     colors: list[mi.Color3f]
     estimators: list[PairEstimators]
     outcomes: list[list[mi.UInt32]]
+
+    @property
+    def known(self) -> list[Round]:
+        """What selection chooses from."""
+        return [Round(*each) for each in zip(self.colors, self.estimators, strict=True)]
 
 
 def after_round(rounds: Rounds, shared: Shared) -> Rounds:
@@ -194,7 +200,7 @@ class Frame:
 
     Fields: ``color``, ``auxiliary`` (channels), ``outcomes`` (of the temporal pass and of each
     spatial round, 3 bits a shift), ``found``, ``mutated`` (None without mutations), ``beside``,
-    ``history``.
+    ``history``, ``rounds`` (of spatial reuse; none unless frames keep them).
     """
 
     color: mi.Color3f
@@ -204,6 +210,7 @@ class Frame:
     mutated: Mutated | None
     beside: Beside
     history: History
+    rounds: list[Round] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -219,6 +226,8 @@ class Plan:
         Of records.
     width, height : int
         Size of the crop window [pixels].
+    keeps_rounds : bool
+        Whether frames keep what selection chooses from, whether or not they select.
     """
 
     parameters: Parameters
@@ -227,6 +236,7 @@ class Plan:
     form: Form
     width: int
     height: int
+    keeps_rounds: bool = False
 
     def scope(self, setting: Setting) -> Scope:
         """The scope of a stage."""

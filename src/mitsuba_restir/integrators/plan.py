@@ -21,13 +21,15 @@ NEAR_FRACTION = 0.03
 """Distance threshold of ``distance_roughness`` as a fraction of the scene's radius."""
 
 
-def plan_of(parameters: Parameters, scene: mi.Scene, width: int, height: int) -> Plan:
+def plan_of(
+    parameters: Parameters, scene: mi.Scene, size: tuple[int, int], keeps_rounds: bool
+) -> Plan:
     """The plan of a history of frames of a size [pixels], in the scene as it is."""
     limits = PathLimits(parameters.longest, parameters.rr_depth)
     mapping = shift_mapping(parameters.shift, _criterion(parameters.connectability, scene))
     mapping = replace(mapping, hides_sky=parameters.hide_emitters)
     form = Form(parameters.mutates, fits_compact(scene), parameters.blue_noise_seeds)
-    return Plan(parameters, limits, mapping, form, width, height)
+    return Plan(parameters, limits, mapping, form, *size, keeps_rounds)
 
 
 def dither_of(parameters: Parameters) -> Dither | None:

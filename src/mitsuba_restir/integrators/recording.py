@@ -12,7 +12,6 @@ import drjit as dr
 
 from ..errors import root
 from .flat import Structure, flatten, unflatten
-from .frame_data import Plan
 
 KEPT = 4
 """Recordings kept of a stage: there is one for every structure of its inputs (the first frame has
@@ -44,7 +43,7 @@ class Stage:
     an area light; ``ellipsoidsmesh``): they are traced every frame.
     """
 
-    def __init__(self, stage: Callable[..., Any], plan: Plan) -> None:
+    def __init__(self, stage: Callable[..., Any], plan: Any) -> None:
         def traced(signature: _Signature, leaves: list[Any]) -> list[Any]:
             results: list[Any] = []
             inputs = unflatten(signature.inputs, iter(leaves))

@@ -87,6 +87,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self._variant = check_variant()
         super().__init__(props)
         self.parameters = read_parameters(props)
+        self.keeps_rounds = False  # in ``frame.rounds``; to be said before the first frame
         self._scene: mi.Scene | None = None
         self._shape: tuple[str, int, int] | None = None
         self._plan: Plan
@@ -274,8 +275,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     def _record_stages(self, scene: mi.Scene) -> None:
         """Plan the frames of a history in the scene as it is."""
         assert self._shape is not None
-        _, width, height = self._shape
-        self._plan = plan_of(self.parameters, scene, width, height)
+        self._plan = plan_of(self.parameters, scene, self._shape[1:], self.keeps_rounds)
         self._stages = Stages(self._plan)
 
     def _follow(self, scene: mi.Scene, edit: Edit) -> None:

@@ -53,6 +53,7 @@ class Stages:
         self._images = bool(parameters.images)
         self._changes = parameters.mutates or self._images
         self._feedback = parameters.spatial_feedback
+        self._keeps = plan.keeps_rounds
         self._meet = Stage(meet_surfaces, plan)
         self._sample = Stage(sample_paths, plan)
         self._look_back = Stage(look_back, plan)
@@ -134,7 +135,8 @@ class Stages:
                 kept = reservoirs
         # To replay a stage goes through all that it is given, and only images look at the scene.
         seen = setting if self._images else replace(setting, scene=None)
-        return self._show(seen, sampled, changed, rounds, (reservoirs, kept))
+        frame = self._show(seen, sampled, changed, rounds, (reservoirs, kept))
+        return replace(frame, rounds=rounds.known) if self._keeps else frame
 
     def forget(self) -> None:
         """Drop what is recorded: the scene is no longer the one that it was recorded of."""

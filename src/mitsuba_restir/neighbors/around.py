@@ -84,24 +84,26 @@ def similar_neighbors(grid: Grid, hits: PrimaryHit) -> mi.UInt32:
     return before | after
 
 
-def similar_further(grid: Grid, alike: mi.UInt32) -> mi.UInt32:
+def similar_further(grid: Grid, alike: mi.UInt32, step: int = 1) -> mi.UInt32:
     """Which pixels twice as far away count: similar to a similar neighbour on the way there.
 
     Parameters
     ----------
     alike : UInt32
-        Result of :func:`similar_neighbors`.
+        Result of :func:`similar_neighbors`, or of this function.
+    step : int
+        How far its neighbours are: 1, or twice what was given then.
 
     Returns
     -------
     UInt32
-        Bit i: that at twice ``OFFSETS[i]``.
+        Bit i: that at ``2 * step`` times ``OFFSETS[i]``.
     """
     pixel = grid.pixels()
     bits = mi.UInt32(0)
-    for i, offset in enumerate(OFFSETS):
+    for i, (dx, dy) in enumerate(OFFSETS):
         near = counts(alike, i)
-        there = dr.gather(mi.UInt32, alike, grid.beside(pixel, offset), near)
+        there = dr.gather(mi.UInt32, alike, grid.beside(pixel, (step * dx, step * dy)), near)
         bits |= dr.select(near, there & (1 << i), 0)
     return bits
 

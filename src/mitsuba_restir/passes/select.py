@@ -85,14 +85,15 @@ class Seen:
         Standard deviation of the Gaussian through which the error is seen [pixels].
     white : float
         Radiance that the screen shows as white; 0 where errors are those of radiance.
-    changing : bool
-        Whether lights or geometry may have changed since the last frame: the history then follows
-        the brightness of the frame.
     """
 
     sigma: float
-    white: float
-    changing: bool
+    white: float = 0.0
+
+    @property
+    def levels(self) -> Levels:
+        """What errors are differences of."""
+        return partial(displayed, white=self.white) if self.white else bounded
 
 
 class Levels(Protocol):
@@ -108,6 +109,7 @@ def select(
     rounds: list[Round],
     before: ColorHistory,
     seen: Seen,
+    changing: bool,
 ) -> tuple[mi.Color3f, ColorHistory]:
     """The colours to show, and the colour history with this frame in it.
 
@@ -117,23 +119,24 @@ def select(
         Of spatial reuse, in order; without selection, the frame would show the last one's mean.
     before : ColorHistory
         At each pixel's previous place.
+    changing : bool
+        Whether lights or geometry may have changed since the last frame: the history then follows
+        the brightness of the frame.
     """
     grid, mean = scope.grid, rounds[-1].mean
     alike = similar_neighbors(grid, hit)
     dr.eval(alike)
     further = similar_further(grid, alike)
     dr.eval(further)
-    if seen.changing:
+    if changing:
         before = clamped(grid, before, mean, alike)
     colors = replace(remember(before, mean), alike=alike)
     dr.eval(colors)
     reference = dr.maximum(smoothed(grid, colors, alike, further) - colors.excess, 0)
-    if seen.changing:
+    if changing:
         reference *= brightness(grid, reference, mean, alike, further)
-    levels = partial(displayed, white=seen.white) if seen.white else bounded
-    aim = Aim(reference, alike, seen.sigma, levels)
-    shown = choose(grid, scope.key, rounds, aim)
-    colors = colors if seen.changing else aimed(grid, colors, shown, mean, alike)
+    shown = choose(grid, scope.key, rounds, Aim(reference, alike, seen))
+    colors = colors if changing else aimed(grid, colors, shown, mean, alike)
     return as_bright(shown, mean), colors
 
 
@@ -156,14 +159,12 @@ class Aim:
     """What the choice is to come near to.
 
     Fields: ``reference`` (what errors are measured against), ``alike`` (result of
-    :func:`mitsuba_restir.neighbors.around.similar_neighbors`), ``sigma`` (see :class:`Seen`),
-    ``levels`` (:func:`bounded` or :func:`displayed`).
+    :func:`mitsuba_restir.neighbors.around.similar_neighbors`), ``seen``.
     """
 
     reference: mi.Color3f
     alike: mi.UInt32
-    sigma: float
-    levels: Levels
+    seen: Seen
 
 
 def choose(
@@ -181,7 +182,7 @@ def choose(
     rounds : list of Round
         See :func:`select`.
     """
-    reference, mean, levels = aim.reference, rounds[-1].mean, aim.levels
+    reference, mean, levels = aim.reference, rounds[-1].mean, aim.seen.levels
     dr.eval(aim)
     left = levels(mean, reference) - levels(reference, reference)
     error = side_by_side(left, mi.Float(0))
@@ -196,7 +197,7 @@ def choose(
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
         level = levels(expected, expected)
         # The level that would cancel what its neighbours err by.
-        wanted = level - neighbors_error(grid, error, around, pixel, aim.sigma)
+        wanted = level - neighbors_error(grid, error, around, pixel, aim.seen.sigma)
         own = [dr.gather(Round, shared, pixel, inside) for shared in rounds]
         best = own[-1].mean
         distance = dr.squared_norm(levels(best, expected) - wanted)

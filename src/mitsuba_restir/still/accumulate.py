@@ -6,6 +6,7 @@ are updated frame by frame (Welford 1962): d = x - m, m' = m + d / n, S' = S + d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -106,28 +107,39 @@ def add(
     frames : Float
         How many frames there are with this one.
     """
-    lane = dr.arange(mi.UInt32, dr.width(sums.picture.mean[0]))
-
-    def channel(index: int) -> mi.Float:
-        return dr.gather(mi.Float, image, lane * layout.channels + index)
-
-    estimates = [mi.Color3f(*map(channel, place)) for place in layout.estimates]
-    color = estimates[-1]
-    if layout.mixed:
-        color = mi.Color3f(0)
-        for weight, estimate in zip(weights, estimates, strict=True):
-            color = color + weight * estimate
+    estimates = estimates_of(layout, image)
+    color = mixed(weights, estimates)
     luminances = [mi.luminance(estimate) for estimate in estimates[: layout.mixed]]
     result = Sums(
         _updated(sums.picture, list(color), [(i, i) for i in range(3)], frames),
         _updated(sums.estimates, luminances, pairs(layout.mixed), frames),
         [
-            mean + (channel(index) - mean) / frames
-            for mean, index in zip(sums.extra, layout.extra, strict=True)
+            mean + (extra - mean) / frames
+            for mean, extra in zip(sums.extra, _channels(layout, image, layout.extra), strict=True)
         ],
     )
     dr.eval(result)
     return result
+
+
+def _channels(layout: Layout, image: mi.Float, places: Sequence[int]) -> list[mi.Float]:
+    lane = dr.arange(mi.UInt32, dr.width(image) // layout.channels)
+    return [dr.gather(mi.Float, image, lane * layout.channels + place) for place in places]
+
+
+def estimates_of(layout: Layout, image: mi.Float) -> list[mi.Color3f]:
+    """A frame's estimates of the picture, of its film."""
+    return [mi.Color3f(*_channels(layout, image, place)) for place in layout.estimates]
+
+
+def mixed(weights: list[mi.Float], estimates: list[mi.Color3f]) -> mi.Color3f:
+    """The mixture of a frame's estimates; the last of them where nothing is mixed."""
+    if not weights:
+        return estimates[-1]
+    color = mi.Color3f(0)
+    for weight, estimate in zip(weights, estimates, strict=True):
+        color = color + weight * estimate
+    return color
 
 
 def _updated(

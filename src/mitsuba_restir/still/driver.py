@@ -117,7 +117,7 @@ def begun(subject: Subject, plan: Plan | None, goal: Goal, elapsed: Callable[[],
 
 def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Growth:
     """With the plan that a pilot finds; its frames share nothing with the picture's but kernels."""
-    apart = replace(subject, seed=_other_seed(subject.seed))
+    apart = replace(subject, seed=_other_seed(subject.seed), previewed=None)
     tried: dict[str, Frames] = {}
 
     def begin(plan: Plan) -> Render:
@@ -125,7 +125,9 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
         return tried[plan.name].luminances
 
     choice = pilot(begin, goal, DENOISED if subject.guides else RAW)
-    frames = tried.get(choice.plan.name) or Frames(apart, choice.plan)
+    frames = tried.get(choice.plan.name)
+    if frames is None or subject.previewed is not None:
+        frames = Frames(subject, choice.plan)
     frames.restart(subject.seed)
     return Growth(frames, choice.why, elapsed)
 

@@ -15,15 +15,22 @@ from ..analysis.images import channels_luminance
 from ..errors import one_line
 from ..integrators.declaration import Value
 from ..integrators.images import asking_for
+from ..integrators.parameters import PARAMETERS
 from ..integrators.state import State, unpacked
+from ..passes.select import Seen
 from .accumulate import Layout, Size
 from .plan import MIXED, PLANNED, Plan
+from .preview import Estimated, Preview, Steering
 
 ALLOWED = ("max_depth", "hide_emitters", *PLANNED)
 """Parameters of ``restir_pt`` that a still may be given: they leave its frames independent and
 unbiased."""
 
+PREVIEWS = ("blue_noise", "blue_noise_sigma", "blue_noise_white")
+"""Parameters of ``restir_pt`` that say what is shown of a still while it grows."""
+
 _WHY_NOT = {
+    "blue_noise": "its picture is the plain mean, and only previews of it are steered",
     "temporal": "its frames are independent, temporal reuse is off",
     "preset": "it has plans instead",
 }
@@ -45,6 +52,8 @@ class Subject:
         Auxiliary images that are wanted: name to type.
     guides : bool
         Whether a denoiser's guides are wanted as well.
+    previewed : Seen or None
+        How previews are seen, whose error is blue; None where none is wanted.
     """
 
     scene: mi.Scene
@@ -53,6 +62,7 @@ class Subject:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     aovs: Mapping[str, str] = field(default_factory=dict)
     guides: bool = False
+    previewed: Seen | None = None
 
     @property
     def lit(self) -> bool:
@@ -88,6 +98,21 @@ def check_parameters(parameters: Mapping[str, Any]) -> None:
             raise ValueError(
                 f"a still cannot have {name}={value}{why}; it can have {', '.join(ALLOWED)}"
             )
+
+
+def previewed(parameters: Mapping[str, Value]) -> Seen | None:
+    """
+    What these parameters of ``restir_pt`` ask of previews, see `Subject`.
+
+    Raises
+    ------
+    ValueError
+        One of :data:`PREVIEWS` has a value that is not allowed.
+    """
+    kind, sigma, white = (
+        PARAMETERS[name].check(parameters.get(name, PARAMETERS[name].default)) for name in PREVIEWS
+    )
+    return Seen(float(sigma), float(white)) if kind == "selection" else None
 
 
 class Frames:
@@ -152,6 +177,21 @@ class Frames:
         self.layout = Layout(
             first + len(names), (*((r, g, b) for r, g, b in mixed), own), tuple(extra)
         )
+        self._preview: Preview | None = None
+        if subject.previewed is not None and self.plan.mixes:
+            self._preview = Preview(Steering(self.layout, self.size, subject.previewed))
+            self._integrator.keeps_rounds = True
+
+    def preview(self) -> Preview | None:
+        """A new preview of a still of these frames; None where there is nothing to choose from."""
+        if self._preview is not None:
+            self._preview.restart()
+        return self._preview
+
+    def estimated(self) -> Estimated:
+        """What the last frame has left to choose from, where there is a preview."""
+        frame = self._integrator.frame
+        return Estimated(frame.history.hits, frame.rounds)
 
     def restart(self, seed: int) -> None:
         """From the first frame on, with nothing learnt, and by another seed."""

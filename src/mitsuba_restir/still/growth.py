@@ -22,6 +22,7 @@ from .goal import DARK, LEAST, Goal, decides, next_decision
 from .mix import mixture
 from .picture import Progress, Still
 from .plan import Plan
+from .preview import Added, Estimated, Preview
 
 
 class Source(Protocol):
@@ -39,6 +40,12 @@ class Source(Protocol):
 
     def state(self) -> State:
         """What later frames depend on."""
+
+    def preview(self) -> Preview | None:
+        """What is to be shown of a still of these frames, where that is not its mean."""
+
+    def estimated(self) -> Estimated:
+        """What a preview chooses from, of the last frame."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +113,7 @@ class Growth:
         self.why = why
         self.elapsed = elapsed
         self.snapshot = snapshot or nothing(source)
+        self._preview = source.preview()
 
     def grow(self, goal: Goal) -> Iterator[Progress]:
         """
@@ -128,6 +136,12 @@ class Growth:
     def picture(self) -> Image:
         """The mean of the frames so far, (H, W, 3)."""
         return accumulate.image_of(self.snapshot.sums.picture.mean, self.source.size)
+
+    def shown(self) -> Image:
+        """What is to be seen of it so far, (H, W, 3): a preview where one is wanted."""
+        if self._preview is None:
+            return self.picture()
+        return self._preview.picture(self.snapshot.sums)
 
     def still(self, denoise: bool = False) -> Still:
         """The picture as it is now."""
@@ -166,10 +180,12 @@ class Growth:
         """With one more frame; what is decided from it concerns later frames only."""
         now, source = self.snapshot, self.source
         frames = now.frames + 1
-        image = source.render()
-        sums = accumulate.add(
-            source.layout, now.sums, now.weights, image, dr.opaque(mi.Float, frames)
-        )
+        image, count = source.render(), dr.opaque(mi.Float, frames)
+        sums = accumulate.add(source.layout, now.sums, now.weights, image, count)
+        if self._preview is not None:
+            moments, before = sums.picture, now.sums.picture.mean
+            added = Added(image, now.weights, moments.mean, moments.products, before, count)
+            self._preview.add(source.estimated(), added)
         dr.sync_thread()
         weights, known, decided = now.weights, now.known, now.decided
         if decides(frames):

@@ -193,7 +193,7 @@ class Director:
         still = resting.still(denoise=side.view == "denoised")
         self._rested, self._drawn_as = self._clock(), task.settings
         reference = self._reference_of(resting.pose, self._renderer.full)
-        image = still.image if still.denoised is None else still.denoised
+        image = resting.shown() if still.denoised is None else still.denoised
         if side.view == "error":
             if reference is None:
                 raise ValueError(VIEWS["error"].missing(side, None))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ..imageio import Image
 from ..integrators.parameters import PARAMETERS
-from ..still.frames import Frames, Subject
+from ..still.frames import Frames, Subject, previewed
 from ..still.goal import Goal
 from ..still.growth import Growth
 from ..still.picture import Progress, Still, stopwatch
@@ -45,7 +46,14 @@ class Resting:
         values = effective(side.parameters)
         shared = {name: values[name] for name in ("max_depth", "hide_emitters")}
         renderer.place(pose, renderer.full)
-        subject = Subject(renderer.scene, renderer.sensor, renderer.seed, shared, guides=True)
+        subject = Subject(
+            renderer.scene,
+            renderer.sensor,
+            renderer.seed,
+            shared,
+            guides=True,
+            previewed=previewed(values),
+        )
         self._frames = Frames(subject, plan_of(side))
         self._begin()
 
@@ -59,6 +67,10 @@ class Resting:
         """One more frame; None where the still is good enough."""
         self._renderer.place(self.pose, self._renderer.full)
         return next(self._progress, None)
+
+    def shown(self) -> Image:
+        """What is to be seen of it: with selection a preview, else the picture as it is now."""
+        return self._growth.shown()
 
     def still(self, denoise: bool) -> Still:
         """The picture as it is now."""

@@ -16,9 +16,9 @@ from ...analysis import metrics
 from ...analysis.denoise import denoise
 from ...analysis.duplication import duplicated_share
 from ..config.study import Size, Study
-from ..runs.probing import probed_frames
+from ..runs.probing import previewed_frames, probed_frames
 from ..runs.results import ReferenceImage
-from . import mutation_spectra
+from . import mutation_spectra, previews
 
 LoadReference = Callable[[], ReferenceImage | None]
 Probe = Callable[[Study, Size, str, int, LoadReference], Mapping[str, float]]
@@ -89,6 +89,18 @@ def _guided_denoising(
     return _mean(found)
 
 
+def _previews(
+    study: Study, size: Size, name: str, index: int, load_reference: LoadReference
+) -> dict[str, float]:
+    """What previews of a still are, relative to the mean that they are of."""
+    reference = load_reference()
+    assert reference is not None
+    found: dict[str, float] = {}
+    for count, mean, shown in previewed_frames(study, size, name, index, previews.COUNTS):
+        found |= previews.numbers(mean, shown, reference, count)
+    return found
+
+
 GUIDED = "relMSE after OIDN with albedo and normals"
 GUIDED_TRIMMED = f"{GUIDED}, trimmed"
 
@@ -96,5 +108,6 @@ PROBES: Mapping[str, Probe] = {
     "statistics": _statistics,
     "mutation_spectra": _mutation_spectra,
     "guided_denoising": _guided_denoising,
+    previews.PROBE: _previews,
 }
 """Probes by name."""

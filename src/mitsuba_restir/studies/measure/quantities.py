@@ -16,6 +16,7 @@ from . import (
     errors,
     excess,
     noise,
+    previews,
     probed,
     stills,
     times,
@@ -271,6 +272,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         probe="statistics",
     ),
     "statistics": Quantity(probed.of_probe("statistics"), probe="statistics"),
+    "previews": Quantity(
+        previews.gains,
+        [number for numbers in previews.NUMBERS.values() for number in numbers],
+        needs_reference=True,
+        probe=previews.PROBE,
+        lacks=stills.lacks_stills,
+    ),
     "mutation_spectra": Quantity(
         probed.mutation_spectra, needs_reference=True, probe="mutation_spectra"
     ),

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ...still.driver import begun
+from ...still.frames import Subject, previewed
+from ...still.goal import LEAST, Goal
+from ...still.growth import Growth
+from ...still.picture import stopwatch
+from ...still.plan import parse
 from ..config.study import Size, Study
-from .rendering import make_renderer, seed_of
+from .rendering import make_renderer, make_sensor, seed_of
+from .results import Image
 from .scene import load_scene
+from .stills import TYPE
 
-REFERENCED = frozenset({"mutation_spectra", "guided_denoising"})
+REFERENCED = frozenset({"mutation_spectra", "guided_denoising", "previews"})
 """Probes whose answers depend on the reference."""
 
 KEY = 3
@@ -43,3 +51,29 @@ def probed_frames(
         tensor = np.array(renderer.draw(seed_of(study.seed, KEY, index, frame)))
         if frame >= warmup:
             yield tensor, renderer.statistics()
+
+
+def growing(study: Study, size: Size, name: str, index: int, steered: bool) -> Growth:
+    """Begin a still of a variant, with a preview that is steered or without one."""
+    scene, plan = load_scene(study), study.variants[name].parameters.get("plan")
+    subject = Subject(
+        scene,
+        make_sensor(study, scene, size),
+        seed_of(study.seed, KEY, index, 0),
+        {"max_depth": study.max_depth},
+        previewed=previewed({"blue_noise": "selection"}) if steered else None,
+    )
+    asked = None if plan is None else parse(str(plan))
+    return begun(subject, asked, Goal(frames=max(study.frames, LEAST)), stopwatch())
+
+
+def previewed_frames(
+    study: Study, size: Size, name: str, index: int, counts: Collection[int]
+) -> Iterator[tuple[int, Image, Image]]:
+    """Render a still; after each of some numbers of frames, yield it, its mean and its preview."""
+    if study.variants[name].type != TYPE:
+        return
+    growth = growing(study, size, name, index, steered=True)
+    for now in growth.grow(Goal(frames=max(counts))):
+        if now.frames in counts:
+            yield now.frames, growth.picture(), growth.shown()

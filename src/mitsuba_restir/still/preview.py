@@ -1,0 +1,196 @@
+r"""Previews: what is shown of a still while it grows, steered so that its error is blue.
+
+With x_i the value that frame i adds to the mean, P_n is shown in the place of the mean M_n of n
+frames:
+
+    P_n = ((n - 1) P_{n-1} + y_n) / n,    y_n = r_n + w c_n,    r_n = x_n - w m_n,
+
+where m_n is the mean of the last round's pair estimators, w its weight in the mixture of the
+frame's estimates, and c_n is m_n or another of the means that selection chooses from
+(:mod:`mitsuba_restir.resampling.subsets`). All y_n are combinations of the frame's estimates with
+fixed weights that sum to one, so P_n is a mean of n values like M_n, and
+
+    P_n = M_n + (1/n) Σ w (c_i - m_i):
+
+the mean, and a term that is for display only. The choice is that of
+:mod:`mitsuba_restir.passes.select`, among colours P_n instead of those of a frame: of the energy
+Σ |g_sigma * (P_n - a_n)|² the least over one pixel, the others given, against an aim a_n
+(:mod:`.aim`), which is the mean so far without much of its noise.
+
+That is error feedback over frames. Each choice goes on from P_{n-1}, and cancels what the last ones
+left of error, against an aim that is better known by now. One choice moves a pixel by s / n, with s
+the spread of its candidates. If only the newest frame were chosen, on top of M_{n-1}, that would be
+all that there is against an error of s / sqrt(n), and the gain would fade as 1 / sqrt(n).
+
+The choice depends on the values chosen from: P_n is biased, pixel against pixel, and its mean is
+made that of M_n (:func:`mitsuba_restir.passes.select.as_bright`). It goes nowhere but to a screen:
+neither the sums of the still nor its weights, checkpoint and frames know of it. Pixels whose mean
+is not finite show that, and around them what was shown before goes on with plain frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+
+from ..imageio import Image
+from ..integrators.recording import Stage, collection_paused, frame_alone
+from ..neighbors.around import similar_neighbors
+from ..passes.select import Aim, Seen, as_bright, choose
+from ..paths.grid import Grid, grid_of
+from ..paths.primary_hit import PrimaryHit
+from ..resampling.pairwise import PairEstimators
+from ..resampling.subsets import Round
+from ..sampling.streams import FrameKey
+from .accumulate import Layout, Size, Sums, estimates_of, image_of, mixed
+from .aim import aim
+
+
+@dataclass(frozen=True)
+class Steering:
+    """
+    What stays the same from frame to frame.
+
+    Attributes
+    ----------
+    layout : Layout
+        Of a frame's channels.
+    size : (int, int)
+        Height and width [pixels].
+    seen : Seen
+        How it is seen.
+    """
+
+    layout: Layout
+    size: Size
+    seen: Seen
+
+    @property
+    def grid(self) -> Grid:
+        """The pixels."""
+        return grid_of(self.size[1], self.size[0])
+
+
+@dataclass
+class Estimated:
+    """What a frame leaves to choose from.
+
+    Fields: ``hits`` (of all pixels), ``rounds`` (of spatial reuse).
+    """
+
+    hits: PrimaryHit
+    rounds: list[Round]
+
+
+@dataclass
+class Added:
+    """A frame that was added to a still.
+
+    Fields: ``image`` (its film), ``weights`` (of its estimates), ``picture`` and ``products`` (what
+    the picture's sums are with it), ``before`` (what the mean was), ``frames`` (how many there are
+    with it; opaque).
+    """
+
+    image: mi.Float
+    weights: list[mi.Float]
+    picture: list[mi.Float]
+    products: list[mi.Float]
+    before: list[mi.Float]
+    frames: mi.Float
+
+
+class Preview:
+    """
+    The preview of a still.
+
+    Parameters
+    ----------
+    steering : Steering
+    """
+
+    def __init__(self, steering: Steering) -> None:
+        self._steering = steering
+        self._steer = Stage(_steered, steering)
+        self._bright = Stage(_bright, steering)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin with another still, of frames with the same channels."""
+        self._shown: mi.Color3f | None = None
+
+    def add(self, estimated: Estimated, added: Added) -> None:
+        """Choose what is shown of the frame that was added last."""
+        with frame_alone(), collection_paused():
+            before = self._shown
+            if before is None:
+                # It may begin anywhere in a still, with the mean.
+                before = mi.Color3f(*_by_pixels(self._steering.grid, added.before))
+                dr.eval(before)
+            # As arrays of Dr.Jit's own: how NumPy's are aligned differs, and is recorded.
+            weights = [weight + dr.opaque(mi.Float, 0) for weight in added.weights]
+            dr.eval(weights)
+            added = replace(added, weights=weights)
+            self._shown = self._steer(estimated, added, before)
+
+    def picture(self, sums: Sums) -> Image:
+        """What is shown, (H, W, 3): the mean, as long as nothing was added."""
+        if self._shown is None:
+            return image_of(sums.picture.mean, self._steering.size)
+        with frame_alone():
+            shown = self._bright(self._shown, sums.picture.mean)
+        return image_of(list(shown), self._steering.size)
+
+
+def _steered(
+    steering: Steering, estimated: Estimated, added: Added, before: mi.Color3f
+) -> mi.Color3f:
+    """P_n, by pixels of the grid, from P_{n-1}."""
+    grid, layout, frames = steering.grid, steering.layout, added.frames
+    newest = mixed(added.weights, estimates_of(layout, added.image))
+    newest = mi.Color3f(*_by_pixels(grid, list(newest)))
+    share = mi.Float(1)
+    if added.weights:
+        (share,) = _by_pixels(grid, added.weights[-1:])
+    mean = mi.Color3f(*_by_pixels(grid, added.picture))
+    deviation = mi.Color3f(
+        *(
+            dr.sqrt(square / dr.maximum(frames * (frames - 1), 1))
+            for square in _by_pixels(grid, added.products)
+        )
+    )
+    alike = similar_neighbors(grid, estimated.hits)
+    dr.eval(newest, share, mean, deviation, alike)
+    last = estimated.rounds[-1].mean
+    # Rounding may leave it below zero.
+    rest = dr.maximum(newest - share * last, 0)
+
+    def in_mean(color: mi.Color3f) -> mi.Color3f:
+        return before + (rest + share * color - before) / frames
+
+    rounds = [
+        Round(
+            in_mean(known.mean),
+            PairEstimators([in_mean(c) for c in known.estimators.colors], known.estimators.valid),
+        )
+        for known in estimated.rounds
+    ]
+    rounds[-1].mean = before + (newest - before) / frames
+    dr.eval(rounds)
+    reference = aim(grid, mean, deviation, frames, alike)
+    # The seed only draws in which order pixels choose.
+    key = FrameKey(mi.UInt32(frames), dr.opaque(mi.UInt32, 0))
+    return choose(grid, key, rounds, Aim(reference, alike, steering.seen))
+
+
+def _bright(steering: Steering, shown: mi.Color3f, picture: list[mi.Float]) -> mi.Color3f:
+    """As bright as the mean, row by row."""
+    rows = dr.gather(mi.Color3f, shown, steering.grid.by_rows())
+    return as_bright(rows, mi.Color3f(*picture))
+
+
+def _by_pixels(grid: Grid, rows: list[mi.Float]) -> list[mi.Float]:
+    """Values row by row, in the order of the grid."""
+    x, y = grid.place(grid.pixels())
+    return [dr.gather(mi.Float, values, y * grid.width + x) for values in rows]
