@@ -24,7 +24,7 @@ each of plan ``rounds``: ceiling view of Veach Ajar at 320x180 0.29, 0.31, 0.28,
 0.12, then 0.76, 0.77, 0.95 and 1.31, 2.28, 1.95. Bilateral means by brightness alone, as
 selection smooths its history, but three passes: 0.27, 0.12, 0.05 and 0.67, 0.84, 1.62; on
 frames of one tree, 3 neighbours and one round in the ceiling view 1.05, 0.93, 0.70, where these
-are 0.04, 0.24, 0.14.
+are 0.05, 0.24, 0.14.
 """
 
 from __future__ import annotations
