@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import pytest
 
@@ -38,6 +39,20 @@ def spectral() -> str:
 @pytest.fixture
 def mono() -> str:
     return _variant("llvm_ad_mono")
+
+
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """One thread of Dr.Jit, for tests of many small frames.
+
+    A second one has nothing to do there and spins while it waits, which takes a third of the test's
+    time, and more under load. Not for tests that write pictures: with one thread, Mitsuba 3.9 waits
+    for ever when it writes an EXR.
+    """
+    threads = dr.thread_count()
+    dr.set_thread_count(1)
+    yield
+    dr.set_thread_count(threads)
 
 
 @pytest.fixture

@@ -40,6 +40,8 @@ from mitsuba_restir.studies.config.adapt import on_scene, quick, without
 from mitsuba_restir.studies.measure.mutation_spectra import numbers
 from mitsuba_restir.studies.runs.results import ReferenceImage
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 RULES = ("energy", "energy_updated")
 STEP = 0.2
 

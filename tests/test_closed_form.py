@@ -8,6 +8,8 @@ from support import closed_form
 from support.modes import MODES
 from support.runs import assert_unbiased, bias_report, independent_runs, integrator
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SCENES = {
     "glowing": lambda: closed_form.glowing_box(5),
     "glowing_coloured": lambda: closed_form.glowing_box(4, coloured=True),

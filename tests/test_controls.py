@@ -17,6 +17,8 @@ from support.mutants import Mutation, apply
 from support.runs import bias_report, independent_runs, integrator
 from support.transport import transport_report
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 
 @dataclass(frozen=True)
 class Control:

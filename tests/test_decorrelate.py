@@ -31,6 +31,8 @@ from mitsuba_restir.paths.spectrum import target
 from mitsuba_restir.shifts.hybrid import shift
 from mitsuba_restir.shifts.mapping import Outcome
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 STEP = 0.2
 
 # ------------------------------ invariance of the own luminance ---------------------------------

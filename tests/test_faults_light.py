@@ -32,6 +32,8 @@ from mitsuba_restir.paths.record import Form
 from mitsuba_restir.resampling.mis import canonical_share, share
 from mitsuba_restir.resampling.reservoir import empty_streaming, finalize, fits, is_sound, offer
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 # --------------------------------- the offset of rays -------------------------------------------
 
 CORNERS = ["corner_small", "corner_away"]

@@ -28,6 +28,8 @@ from mitsuba_restir.guiding.guide import LEVELS, Guide, no_guide
 from mitsuba_restir.guiding.roulette import Expected, nothing_expected
 from mitsuba_restir.sampling.streams import FrameKey, Purpose
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 
 def tree(leaves: np.ndarray) -> list[np.ndarray]:
     """Sums of the trees with these leaves (cells, 2^LEVELS)."""

@@ -20,6 +20,8 @@ from mitsuba_restir.guiding.learn import learn
 from mitsuba_restir.guiding.steering import ByGuide
 from mitsuba_restir.integrators import frame as frame_module
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 # --------------------------------- expectations -------------------------------------------------
 
 

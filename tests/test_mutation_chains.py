@@ -34,6 +34,8 @@ from mitsuba_restir.paths.record import (
 )
 from mitsuba_restir.resampling.reservoir import Reservoir
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 LANES, STEPS = 1 << 14, 100
 CELLS, FINE = 8, 16
 

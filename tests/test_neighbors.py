@@ -39,6 +39,8 @@ from mitsuba_restir.sampling.dither import mask_texture
 from mitsuba_restir.sampling.masks import load_mask, void_and_cluster, white
 from mitsuba_restir.sampling.streams import FrameKey, Purpose, uniform
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 ALPHA = 1e-4
 OTHERS = ("white_noise", "blocks", "geometry")
 

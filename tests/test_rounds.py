@@ -14,6 +14,8 @@ from support.runs import assert_unbiased, bias_report, independent_runs, integra
 from mitsuba_restir.integrators.parameters import Parameters
 from mitsuba_restir.neighbors.strategies import layouts
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 ROUNDS = {"spatial_radius": 6.0, "spatial_rounds": 3}
 RUNS, POWER = 256, 0.025
 

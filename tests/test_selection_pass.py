@@ -40,6 +40,8 @@ from mitsuba_restir.resampling.subsets import Round, candidates
 from mitsuba_restir.sampling.streams import FrameKey, Purpose, uniform2
 from mitsuba_restir.shifts.scope import Scope
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 WIDTH, HEIGHT = 96, 64
 SIZE = (WIDTH, HEIGHT)
 PAIRS = 3

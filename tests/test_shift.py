@@ -25,6 +25,8 @@ from mitsuba_restir.resampling.reservoir import Reservoir
 from mitsuba_restir.shifts.hybrid import Shifted
 from mitsuba_restir.shifts.mapping import Outcome
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SHIFTS = {
     "hybrid": {},
     "distance": {"connectability": "distance_roughness"},

@@ -7,6 +7,8 @@ from support import references
 from support.runs import assert_unbiased
 from support.transport import transport_report
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SHIFTS = {
     "hybrid": {},
     "distance": {"connectability": "distance_roughness"},

@@ -14,6 +14,8 @@ from support.runs import assert_unbiased, bias_report, independent_runs, integra
 from mitsuba_restir.sampling.dither import Dither
 from mitsuba_restir.sampling.streams import PathName
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 # Runs of one test, and the relative error of the image that is found with probability 0.99.
 ZOO = {
     "bsdfs": (128, 0.02),

@@ -80,12 +80,10 @@ class SceneWatch:
             Notice objects that were added, too. It takes about 10 µs a parameter.
         """
         known = self._known
-        changed = known.changed()
-        if changed or thorough:
-            self._known = _Contents(self._scene)
-            changed = changed or self._known.structure != known.structure
-        if not changed:
+        added = thorough and _structure(*_exposed(self._scene)[:2]) != known.structure
+        if not (added or known.changed()):
             return None
+        self._known = _Contents(self._scene)
         return Edit(
             tuple(
                 shape
@@ -105,7 +103,7 @@ class _Contents:
 
     def __init__(self, scene: mi.Scene) -> None:
         nodes, parameters, self._parents = _exposed(scene)
-        self.structure = [*nodes, *((p.node, p.name) for p in parameters)]
+        self.structure = _structure(nodes, parameters)
         self._shapes = [node for node in nodes if isinstance(node, mi.Shape)]
         self._meshes = [node for node in self._shapes if isinstance(node, mi.Mesh)]
         self._buffers = [p for p in parameters if _is_mesh_attribute(p)]
@@ -202,6 +200,11 @@ def _exposed(
     ]
     parents = {node: parent for node, (parent, _) in exposed.hierarchy.items()}
     return [node for node in inside if inside[node]], parameters, parents
+
+
+def _structure(nodes: list[mi.Object], parameters: list[Parameter]) -> list[Any]:
+    """What there is in a scene, whatever its values."""
+    return [*nodes, *((parameter.node, parameter.name) for parameter in parameters)]
 
 
 def _is_followed(parameter: Parameter, parents: dict[mi.Object, mi.Object | None]) -> bool:
