@@ -50,8 +50,9 @@ class History:
 class Setting:
     """What both stages of a frame are given.
 
-    Fields: ``scene``, ``spectra`` (wavelengths; None where there are none), ``now`` (the
-    frame's primary hits), ``key``, ``dither`` (of the paths' first random numbers; None without).
+    Fields: ``scene`` (None at the end, where no image looks at it), ``spectra`` (wavelengths; None
+    where there are none), ``now`` (the frame's primary hits), ``key``, ``dither`` (of the paths'
+    first random numbers; None without).
     """
 
     scene: mi.Scene

@@ -50,7 +50,8 @@ class Stages:
     def __init__(self, plan: Plan) -> None:
         parameters = plan.parameters
         self._changing = parameters.retrace_history
-        self._changes = parameters.mutates or bool(parameters.images)
+        self._images = bool(parameters.images)
+        self._changes = parameters.mutates or self._images
         self._feedback = parameters.spatial_feedback
         self._meet = Stage(meet_surfaces, plan)
         self._sample = Stage(sample_paths, plan)
@@ -131,7 +132,9 @@ class Stages:
             reservoirs, rounds = shared.reservoirs, after_round(rounds, shared)
             if index < self._feedback:
                 kept = reservoirs
-        return self._show(setting, sampled, changed, rounds, (reservoirs, kept))
+        # To replay a stage goes through all that it is given, and only images look at the scene.
+        seen = setting if self._images else replace(setting, scene=None)
+        return self._show(seen, sampled, changed, rounds, (reservoirs, kept))
 
     def forget(self) -> None:
         """Drop what is recorded: the scene is no longer the one that it was recorded of."""
