@@ -119,6 +119,7 @@ def test_what_a_preset_was_is_in_the_picture(rgb, tmp_path, monkeypatch):
     assert "preset=raw" in str(mi.Bitmap(str(Path("out.exr"))).metadata()["parameters"])
 
 
+@pytest.mark.usefixtures("one_thread")
 @pytest.mark.parametrize("name", NAMED)
 def test_the_image_of_a_preset_is_that_of_path(rgb, name):
     """No preset is biased, and none says that it is."""
