@@ -9,7 +9,7 @@ The false-alarm rate of each chi-square test is 1e-4.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -177,6 +177,13 @@ def candidates(low: float) -> tuple[mi.Scene, Any, list[Any]]:
         renderer.render(scene, seed=seed, spp=1)
         frames.append((renderer._history.reservoirs, renderer._history.hits))
     return scene, renderer, frames
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forgotten_at_the_end() -> Iterator[None]:
+    """A scene that is alive is gone through at every replay, by all later tests of the process."""
+    yield
+    candidates.cache_clear()
 
 
 def first_of(chain: Chain) -> tuple[mi.Scene, Any, Reservoir, PrimaryHit]:
