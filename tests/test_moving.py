@@ -21,6 +21,8 @@ from mitsuba_restir import sequence
 from mitsuba_restir.paths.camera import copy_camera, project
 from mitsuba_restir.sequence.change import Watched
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 FRAMES = 3
 POWER = 0.04
 CONTROL_RUNS = 64

@@ -18,6 +18,8 @@ from test_unbiased import ROOM, check
 from mitsuba_restir.mutations.schedule import mutate_in_turns, pixels_of_set, stride
 from mitsuba_restir.paths.grid import grid_of
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 FRESH = Mode({"temporal": False, "spatial": False})
 
 
