@@ -21,7 +21,7 @@ import numpy as np
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.neighbors.around import OFFSETS, similar_further
 from mitsuba_restir.neighbors.color_history import ColorHistory, smoothed
-from mitsuba_restir.passes.select import Aim, Seen, as_bright, choose
+from mitsuba_restir.passes.select import Aim, as_bright, choose
 from mitsuba_restir.paths.grid import Grid, grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
 from mitsuba_restir.resampling.subsets import Round
@@ -57,7 +57,7 @@ def show(grid: Grid, frame: int, newest: Round, before: mi.Color3f, mean: mi.Col
     aim = dr.full(mi.Color3f, 1, grid.size) if truth else aim
     key = FrameKey(dr.opaque(mi.UInt32, frame), dr.opaque(mi.UInt32, 1))
     dr.eval(shared)
-    return as_bright(choose(grid, key, [shared], Aim(aim, alike, Seen(0.8))), mean)
+    return as_bright(choose(grid, key, [shared], Aim(aim, alike, 0.8)), mean)
 
 
 def ratios(lit: float, shape: float, truth: bool) -> np.ndarray:

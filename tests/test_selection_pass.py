@@ -15,12 +15,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from scipy import ndimage, stats
+from scipy import stats
 from support import rooms
 from support.mutants import Mutation, apply
 from support.pixels import image_of, lanes_of, order
 
-from mitsuba_restir.analysis import metrics
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.neighbors import color_history
 from mitsuba_restir.neighbors.around import (
@@ -46,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 WIDTH, HEIGHT = 96, 64
 SIZE = (WIDTH, HEIGHT)
 PAIRS = 3
-SEEN = select.Seen(1.0)
+SIGMA = 1.0
 WARMUP, FRAMES, BATCH = 70, 300, 60
 ERRORS = 5.0
 """Standard errors between an estimated bias and its bound, by 5 batches of frames that are about as
@@ -130,10 +129,10 @@ def everywhere(count=PAIRS + 1):
     return valid
 
 
-def chosen(hits, mean, estimators, reference, sample=0, seen=SEEN):
+def chosen(hits, mean, estimators, reference, sample=0):
     alike, _ = neighborhoods(hits)
     grid = grid_of(*SIZE)
-    aim = select.Aim(reference, alike, seen)
+    aim = select.Aim(reference, alike, SIGMA)
     return image(select.choose(grid, key(sample, 1), [Round(mean, estimators)], aim))
 
 
@@ -189,7 +188,7 @@ def test_estimates_of_earlier_rounds_are_shown(wall):
         Round(color(first), PairEstimators([color(v) for v in values], everywhere())),
         Round(color(last), PairEstimators([color(last)] * (PAIRS + 1), everywhere())),
     ]
-    aim = select.Aim(color(reference), neighborhoods(wall)[0], SEEN)
+    aim = select.Aim(color(reference), neighborhoods(wall)[0], SIGMA)
     shown = image(select.choose(grid_of(*SIZE), key(0, 1), rounds, aim)).transpose(2, 0, 1)
     steps = [(first - value) / PAIRS for value in values]
     distance = np.stack(
@@ -197,32 +196,6 @@ def test_estimates_of_earlier_rounds_are_shown(wall):
     )
     assert distance.min(0).max() < 1e-5
     assert np.bincount(distance.argmin(0).ravel(), minlength=5).min() > 100
-
-
-def test_errors_are_those_that_a_screen_shows(wall):
-    """Each choice is the better one by what it is made for, seen through a Gaussian."""
-    values, mean, reference = random_frame()
-    estimators = PairEstimators([color(v) for v in values], everywhere())
-    on_screen = select.Seen(1.0, white=1.5)
-    shown = {
-        seen: chosen(wall, color(mean), estimators, color(reference), seen=seen)
-        for seen in (SEEN, on_screen)
-    }
-
-    def error(picture, encode):
-        off = encode(picture) - encode(reference.transpose(1, 2, 0))
-        return np.mean(ndimage.gaussian_filter(off, (0.8, 0.8, 0)) ** 2)
-
-    def screen(picture):
-        return metrics.displayed(picture / on_screen.white)
-
-    def radiance(picture):
-        return np.minimum(picture, select.BRIGHTEST * reference.transpose(1, 2, 0))
-
-    assert error(shown[on_screen], screen) < 0.9 * error(shown[SEEN], screen)
-    assert error(shown[SEEN], radiance) < 0.9 * error(shown[on_screen], radiance)
-    device = on_screen.levels(color(mean), color(reference))
-    np.testing.assert_allclose(image(device), screen(mean.transpose(1, 2, 0)), atol=1e-5)
 
 
 def test_no_candidate_is_below_zero(rgb):
@@ -509,7 +482,7 @@ def sequence(hits, field, warmup=WARMUP, frames=FRAMES):
         estimators = PairEstimators(colors, valid)
         scope = replace(NOWHERE, grid=grid_of(*SIZE), key=FrameKey(sample, seed))
         rounds, changing = [Round(mean, estimators)], field.speed > 0
-        shown, history = select.select(scope, hits, rounds, before, SEEN, changing)
+        shown, history = select.select(scope, hits, rounds, before, SIGMA, changing)
         dr.eval(history, shown)
         return history, mean, shown
 
@@ -635,7 +608,7 @@ def test_control_neighbors_unseen(wall, monkeypatch):
         monkeypatch,
         (
             Mutation(
-                "level - neighbors_error(grid, error, around, pixel, aim.seen.sigma)", "expected"
+                "expected - neighbors_error(grid, error, around, pixel, aim.sigma)", "expected"
             ),
         ),
     )

@@ -20,7 +20,6 @@ from support.pixels import lanes_of
 
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.passes.primary import camera_rays, primary
-from mitsuba_restir.passes.select import Seen
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
 from mitsuba_restir.resampling.subsets import Round
@@ -34,7 +33,7 @@ from mitsuba_restir.still.pilot import Choice
 from mitsuba_restir.still.plan import Plan
 from mitsuba_restir.still.preview import Added, Estimated, Preview, Steering
 
-SEEN = Seen(0.8)
+SIGMA = 0.8
 WIDTH, HEIGHT = 96, 64
 PAIRS = 3
 COUNTS = (1, 4, 16)
@@ -112,7 +111,7 @@ class Made:
 
 
 def made(hits: Any, steered: Preview | None = None) -> Made:
-    return Made(hits, steered or Preview(Steering(LAYOUT, (HEIGHT, WIDTH), SEEN)))
+    return Made(hits, steered or Preview(Steering(LAYOUT, (HEIGHT, WIDTH), SIGMA)))
 
 
 def drawn(rng: np.random.Generator, lit: float, shape: float) -> np.ndarray:
@@ -127,7 +126,7 @@ def drawn(rng: np.random.Generator, lit: float, shape: float) -> np.ndarray:
 def powers(hits: Any, lit: float, shape: float) -> np.ndarray:
     """Power in .06-.17 of the preview's error over the mean's, (CHAINS, len(COUNTS))."""
     found = np.empty((CHAINS, len(COUNTS)))
-    steered = Preview(Steering(LAYOUT, (HEIGHT, WIDTH), SEEN))
+    steered = Preview(Steering(LAYOUT, (HEIGHT, WIDTH), SIGMA))
     for chain in range(CHAINS):
         rng = np.random.default_rng(chain)
         steered.restart()
@@ -253,8 +252,8 @@ def room(rgb) -> mi.Scene:
     return references.CASES["room"].load()
 
 
-def frames_of(scene: mi.Scene, seen: Seen | None, plan: Plan = MIXED) -> Frames:
-    subject = Subject(scene, scene.sensors()[0], 3, {"max_depth": 4}, previewed=seen)
+def frames_of(scene: mi.Scene, sigma: float | None, plan: Plan = MIXED) -> Frames:
+    subject = Subject(scene, scene.sensors()[0], 3, {"max_depth": 4}, previewed=sigma)
     return Frames(subject, plan)
 
 
@@ -264,8 +263,8 @@ def test_nothing_of_it_reaches_the_still(room, tmp_path, monkeypatch):
     plan = replace(MIXED, parameters={**MIXED.parameters, "guiding": True})
     monkeypatch.setattr(growth, "mixture", thirds)
     kept = []
-    for name, seen in zip(unlike, (None, SEEN), strict=True):
-        still = Growth(frames_of(room, seen, plan), "", lambda: 0.0)
+    for name, sigma in zip(unlike, (None, SIGMA), strict=True):
+        still = Growth(frames_of(room, sigma, plan), "", lambda: 0.0)
         for _ in still.grow(Goal(frames=6)):
             pass
         path = tmp_path / name
@@ -287,11 +286,11 @@ def thirds(covariance: np.ndarray, frames: int) -> np.ndarray:
 def test_it_begins_anywhere(room, tmp_path):
     """A still that goes on from a checkpoint is what it would have been, and so is its preview's
     mean; the preview itself begins with the mean."""
-    whole = Growth(frames_of(room, SEEN), "", lambda: 0.0)
+    whole = Growth(frames_of(room, SIGMA), "", lambda: 0.0)
     for now in whole.grow(Goal(frames=6)):
         if now.frames == 3:
             checkpoint.save(tmp_path / "a", {}, whole)
-    source = frames_of(room, SEEN)
+    source = frames_of(room, SIGMA)
     rest = Growth(
         source,
         "",
@@ -307,24 +306,23 @@ def test_it_begins_anywhere(room, tmp_path):
 
 
 def test_without_reuse_the_mean_is_shown(room):
-    still = Growth(frames_of(room, SEEN, Plan("bare", 2, {"spatial": False})), "", lambda: 0.0)
+    still = Growth(frames_of(room, SIGMA, Plan("bare", 2, {"spatial": False})), "", lambda: 0.0)
     for _ in still.grow(Goal(frames=2)):
         pass
     np.testing.assert_array_equal(still.shown(), still.picture())
 
 
 @pytest.mark.parametrize(
-    ("given", "seen"),
+    ("given", "sigma"),
     [
         ({}, None),
         ({"blue_noise": "none", "blue_noise_sigma": 1.0}, None),
-        ({"blue_noise": "selection"}, SEEN),
-        ({"blue_noise": "selection", "blue_noise_sigma": 1.0}, Seen(1.0)),
-        ({"blue_noise": "selection", "blue_noise_white": 2.0}, Seen(0.8, 2.0)),
+        ({"blue_noise": "selection"}, SIGMA),
+        ({"blue_noise": "selection", "blue_noise_sigma": 1.0}, 1.0),
     ],
 )
-def test_it_is_asked_for_by_the_parameters_of_selection(given, seen):
-    assert previewed(given) == seen
+def test_it_is_asked_for_by_the_parameters_of_selection(given, sigma):
+    assert previewed(given) == sigma
 
 
 def test_the_pilot_knows_nothing_of_it(room, monkeypatch):
@@ -343,21 +341,21 @@ def test_the_pilot_knows_nothing_of_it(room, monkeypatch):
     monkeypatch.setattr(driver, "pilot", quick)
     monkeypatch.setattr(driver, "Frames", watched)
     pictures = []
-    for seen in (None, SEEN):
-        subject = frames_of(room, seen).subject
+    for sigma in (None, SIGMA):
+        subject = frames_of(room, sigma).subject
         still = driver.begun(subject, None, Goal(frames=3), lambda: 0.0)
         for _ in still.grow(Goal(frames=3)):
             pass
         pictures.append(still.picture())
     np.testing.assert_array_equal(*pictures)
-    assert [subject.previewed for subject in made_of] == [None, None, SEEN]
+    assert [subject.previewed for subject in made_of] == [None, None, SIGMA]
     assert (still.shown() != still.picture()).any()
 
 
 def test_nothing_is_compiled_again(room, monkeypatch):
     """Through decisions of a still, and from one to the next."""
     monkeypatch.setattr(growth, "mixture", thirds)
-    frames = frames_of(room, SEEN)
+    frames = frames_of(room, SIGMA)
     for seed, count in enumerate((6, 10)):
         frames.restart(seed)
         still = Growth(frames, "", lambda: 0.0)

@@ -15,7 +15,6 @@ from .. import __version__, scene_files
 from ..errors import UsageError, one_line, rendering
 from ..integrators.declaration import Value
 from ..integrators.images import asking_for
-from ..passes.select import Seen
 from ..passes.shade import AOVS
 from ..still import checkpoint
 from ..still.driver import begun
@@ -164,7 +163,7 @@ def _parameters(options: argparse.Namespace) -> dict[str, Value]:
     return parameters
 
 
-def _seen_through(parameters: dict[str, Value], options: argparse.Namespace) -> Seen | None:
+def _seen_through(parameters: dict[str, Value], options: argparse.Namespace) -> float | None:
     """What is asked of previews, taken out of the parameters of the still."""
     asked = {name: parameters.pop(name) for name in PREVIEWS if name in parameters}
     try:

@@ -22,7 +22,7 @@ from ..passes.decorrelate import decorrelate
 from ..passes.initial import initial
 from ..passes.primary import CameraRays, primary
 from ..passes.retrace import retrace
-from ..passes.select import Seen, select
+from ..passes.select import select
 from ..passes.shade import Shown, auxiliary, moved_images, reservoir_color
 from ..passes.spatial import spatial
 from ..passes.temporal import (
@@ -243,9 +243,8 @@ def show_paths(
     shown_colors = rounds.colors or [reservoir_color(reservoirs)]
     color, first, colors = shown_colors[-1], shown_colors[0], None
     if sampled.colors is not None:
-        seen = Seen(parameters.blue_noise_sigma, parameters.blue_noise_white)
-        changing = parameters.retrace_history
-        color, colors = select(scope, now.hit, rounds.known, sampled.colors, seen, changing)
+        sigma, changing = parameters.blue_noise_sigma, parameters.retrace_history
+        color, colors = select(scope, now.hit, rounds.known, sampled.colors, sigma, changing)
 
     past = now.emitted + (mi.Color3f(0) if colors is None else colors.color)
     beside = sampled.beside

@@ -165,11 +165,6 @@ class Parameters:
         low=0.5,
         high=1.5,
     )
-    blue_noise_white: float = declared(
-        0.0,
-        """Radiance that a screen shows as white, if ``selection`` is to take its errors from what a
-        screen shows of them (sRGB, clipped); at 0 it takes those of radiance.""",
-    )
     blue_noise_weight: float = declared(
         0.5,
         """Share of the energy in the acceptance probability of ``mutation_acceptance``, from 0

@@ -18,8 +18,6 @@ the sum over the 20 pixels around, as far as they are similar (beyond them a(d) 
 sigma 1). Each pixel is visited once, in nine sets of pixels three apart that see one another's
 choices.
 
-Errors are differences of radiance, or of what a screen shows of it (:class:`Levels`).
-
 What the choice comes near to is the reference, error and all. It is the colour history, smoothed
 where it is smooth, less the excess: a choice among values with heavy tails makes some surfaces too
 bright and others too dark, and what it does is measured against the plain averages and taken back
@@ -37,8 +35,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -75,40 +71,12 @@ UNLIKE = 0.1
 excess is left to later frames: a single bright estimate that is not shown must not make a flash."""
 
 
-@dataclass(frozen=True)
-class Seen:
-    """How frames are seen.
-
-    Attributes
-    ----------
-    sigma : float
-        Standard deviation of the Gaussian through which the error is seen [pixels].
-    white : float
-        Radiance that the screen shows as white; 0 where errors are those of radiance.
-    """
-
-    sigma: float
-    white: float = 0.0
-
-    @property
-    def levels(self) -> Levels:
-        """What errors are differences of."""
-        return partial(displayed, white=self.white) if self.white else bounded
-
-
-class Levels(Protocol):
-    """What errors are differences of."""
-
-    def __call__(self, color: mi.Color3f, reference: mi.Color3f) -> mi.Color3f:
-        """Of a colour, where the pixel's reference is this."""
-
-
 def select(
     scope: Scope,
     hit: PrimaryHit,
     rounds: list[Round],
     before: ColorHistory,
-    seen: Seen,
+    sigma: float,
     changing: bool,
 ) -> tuple[mi.Color3f, ColorHistory]:
     """The colours to show, and the colour history with this frame in it.
@@ -119,6 +87,8 @@ def select(
         Of spatial reuse, in order; without selection, the frame would show the last one's mean.
     before : ColorHistory
         At each pixel's previous place.
+    sigma : float
+        Standard deviation of the Gaussian through which the error is seen [pixels].
     changing : bool
         Whether lights or geometry may have changed since the last frame: the history then follows
         the brightness of the frame.
@@ -135,7 +105,7 @@ def select(
     reference = dr.maximum(smoothed(grid, colors, alike, further) - colors.excess, 0)
     if changing:
         reference *= brightness(grid, reference, mean, alike, further)
-    shown = choose(grid, scope.key, rounds, Aim(reference, alike, seen))
+    shown = choose(grid, scope.key, rounds, Aim(reference, alike, sigma))
     colors = colors if changing else aimed(grid, colors, shown, mean, alike)
     return as_bright(shown, mean), colors
 
@@ -159,12 +129,13 @@ class Aim:
     """What the choice is to come near to.
 
     Fields: ``reference`` (what errors are measured against), ``alike`` (result of
-    :func:`mitsuba_restir.neighbors.around.similar_neighbors`), ``seen``.
+    :func:`mitsuba_restir.neighbors.around.similar_neighbors`), ``sigma`` (as of
+    :func:`select`).
     """
 
     reference: mi.Color3f
     alike: mi.UInt32
-    seen: Seen
+    sigma: float
 
 
 def choose(
@@ -182,10 +153,9 @@ def choose(
     rounds : list of Round
         See :func:`select`.
     """
-    reference, mean, levels = aim.reference, rounds[-1].mean, aim.seen.levels
+    reference, mean = aim.reference, rounds[-1].mean
     dr.eval(aim)
-    left = levels(mean, reference) - levels(reference, reference)
-    error = side_by_side(left, mi.Float(0))
+    error = side_by_side(bounded(mean, reference) - reference, mi.Float(0))
     shown = dr.copy(mean)
     dr.eval(shown)
 
@@ -194,39 +164,27 @@ def choose(
         number = set_in_turn(dr.opaque(mi.UInt32, index), order)
         pixel, inside = spaced_pixels(grid, SPACING, number)
         around = dr.gather(mi.UInt32, aim.alike, pixel, inside)
+        # The colour that would cancel what its neighbours err by.
         expected = dr.gather(mi.Color3f, reference, pixel, inside)
-        level = levels(expected, expected)
-        # The level that would cancel what its neighbours err by.
-        wanted = level - neighbors_error(grid, error, around, pixel, aim.seen.sigma)
+        wanted = expected - neighbors_error(grid, error, around, pixel, aim.sigma)
         own = [dr.gather(Round, shared, pixel, inside) for shared in rounds]
         best = own[-1].mean
-        distance = dr.squared_norm(levels(best, expected) - wanted)
+        distance = dr.squared_norm(bounded(best, expected) - wanted)
         for color, valid in candidates(own):
-            its_distance = dr.squared_norm(levels(color, expected) - wanted)
+            its_distance = dr.squared_norm(bounded(color, expected) - wanted)
             better = valid & (its_distance < distance)
             best = dr.select(better, color, best)
             distance = dr.select(better, its_distance, distance)
         dr.scatter(shown, best, pixel, inside)
-        left = levels(best, expected) - level
+        left = bounded(best, expected) - expected
         dr.scatter(error, mi.Vector4f(left.x, left.y, left.z, 0), pixel, inside)
         dr.eval(shown, error)
     return shown
 
 
 def bounded(color: mi.Color3f, reference: mi.Color3f) -> mi.Color3f:
-    """Radiance, as far as it counts (see :data:`BRIGHTEST`)."""
+    """What a colour counts as, see :data:`BRIGHTEST`."""
     return dr.minimum(color, BRIGHTEST * reference)
-
-
-def displayed(color: mi.Color3f, reference: mi.Color3f, white: float) -> mi.Color3f:
-    """What a screen shows of it: sRGB (IEC 61966-2-1), clipped to [0, 1].
-
-    Parameters
-    ----------
-    white : float
-        Radiance that is shown as white.
-    """
-    return mi.Color3f(*(mi.math.linear_to_srgb(dr.clip(c / white, 0, 1)) for c in color))
 
 
 def neighbors_error(
@@ -241,7 +199,7 @@ def neighbors_error(
     alike : UInt32
         Which neighbours count, of the pixels that ``pixel`` names.
     sigma : float
-        See :class:`Seen`.
+        As of :func:`select`.
     """
     total = mi.Color3f(0)
     for (dx, dy), theirs, _ in colors_around(grid, error, pixel, alike):

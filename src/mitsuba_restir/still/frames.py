@@ -17,7 +17,6 @@ from ..integrators.declaration import Value
 from ..integrators.images import asking_for
 from ..integrators.parameters import PARAMETERS
 from ..integrators.state import State, unpacked
-from ..passes.select import Seen
 from .accumulate import Layout, Size
 from .plan import MIXED, PLANNED, Plan
 from .preview import Estimated, Preview, Steering
@@ -26,7 +25,7 @@ ALLOWED = ("max_depth", "hide_emitters", *PLANNED)
 """Parameters of ``restir_pt`` that a still may be given: they leave its frames independent and
 unbiased."""
 
-PREVIEWS = ("blue_noise", "blue_noise_sigma", "blue_noise_white")
+PREVIEWS = ("blue_noise", "blue_noise_sigma")
 """Parameters of ``restir_pt`` that say what is shown of a still while it grows."""
 
 _WHY_NOT = {
@@ -52,8 +51,9 @@ class Subject:
         Auxiliary images that are wanted: name to type.
     guides : bool
         Whether a denoiser's guides are wanted as well.
-    previewed : Seen or None
-        How previews are seen, whose error is blue; None where none is wanted.
+    previewed : float or None
+        Standard deviation [pixels] of the Gaussian through which the error of a preview is blue;
+        None where none is wanted.
     """
 
     scene: mi.Scene
@@ -62,7 +62,7 @@ class Subject:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     aovs: Mapping[str, str] = field(default_factory=dict)
     guides: bool = False
-    previewed: Seen | None = None
+    previewed: float | None = None
 
     @property
     def lit(self) -> bool:
@@ -100,7 +100,7 @@ def check_parameters(parameters: Mapping[str, Any]) -> None:
             )
 
 
-def previewed(parameters: Mapping[str, Value]) -> Seen | None:
+def previewed(parameters: Mapping[str, Value]) -> float | None:
     """
     What these parameters of ``restir_pt`` ask of previews, see `Subject`.
 
@@ -109,10 +109,10 @@ def previewed(parameters: Mapping[str, Value]) -> Seen | None:
     ValueError
         One of :data:`PREVIEWS` has a value that is not allowed.
     """
-    kind, sigma, white = (
+    kind, sigma = (
         PARAMETERS[name].check(parameters.get(name, PARAMETERS[name].default)) for name in PREVIEWS
     )
-    return Seen(float(sigma), float(white)) if kind == "selection" else None
+    return float(sigma) if kind == "selection" else None
 
 
 class Frames:

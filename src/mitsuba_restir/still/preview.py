@@ -38,7 +38,7 @@ import mitsuba as mi
 from ..imageio import Image
 from ..integrators.recording import Stage, collection_paused, frame_alone
 from ..neighbors.around import similar_neighbors
-from ..passes.select import Aim, Seen, as_bright, choose
+from ..passes.select import Aim, as_bright, choose
 from ..paths.grid import Grid, grid_of
 from ..paths.primary_hit import PrimaryHit
 from ..resampling.pairwise import PairEstimators
@@ -59,13 +59,13 @@ class Steering:
         Of a frame's channels.
     size : (int, int)
         Height and width [pixels].
-    seen : Seen
-        How it is seen.
+    sigma : float
+        Standard deviation of the Gaussian through which errors are seen [pixels].
     """
 
     layout: Layout
     size: Size
-    seen: Seen
+    sigma: float
 
     @property
     def grid(self) -> Grid:
@@ -181,7 +181,7 @@ def _steered(
     reference = aim(grid, mean, deviation, frames, alike)
     # The seed only draws in which order pixels choose.
     key = FrameKey(mi.UInt32(frames), dr.opaque(mi.UInt32, 0))
-    return choose(grid, key, rounds, Aim(reference, alike, steering.seen))
+    return choose(grid, key, rounds, Aim(reference, alike, steering.sigma))
 
 
 def _bright(steering: Steering, shown: mi.Color3f, picture: list[mi.Float]) -> mi.Color3f:
