@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import sys
 import time
 
@@ -10,7 +9,7 @@ import drjit as dr
 import numpy as np
 
 from mitsuba_restir.still.goal import Goal
-from mitsuba_restir.studies.runs.probing import growing
+from mitsuba_restir.studies.runs.probing import SEEN, stills_of
 
 from . import harness
 from .task import Task
@@ -24,12 +23,12 @@ MEASURED = 10
 def measure(task: Task) -> dict[str, float]:
     """Measure in this process; medians over the frames."""
     times: dict[str, list[float]] = {"plain frame": [], "frame with a preview": []}
+    stills = stills_of(task.study, task.size, task.variant)
     grown = [
-        growing(task.study, task.size, task.variant, task.index, steered).grow(Goal(frames=10**6))
-        for steered in (False, True)
+        stills.begun(task.seed(0), seen).grow(Goal(frames=WARM + MEASURED)) for seen in (None, SEEN)
     ]
     for frame in range(WARM + MEASURED):
-        for name, frames in zip(itertools.cycle(times), grown, strict=False):
+        for name, frames in zip(times, grown, strict=True):
             begin = time.perf_counter()
             next(frames)
             dr.sync_thread()

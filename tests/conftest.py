@@ -56,6 +56,15 @@ def one_thread() -> Iterator[None]:
 
 
 @pytest.fixture
+def two_threads(one_thread: None) -> None:
+    """Two threads of Dr.Jit, also among tests that have one: for what their order might change.
+
+    A kernel is shared between them from about 64x64 pixels on (`rooms.large_sensor`).
+    """
+    dr.set_thread_count(2)
+
+
+@pytest.fixture
 def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A cache of references and masks for this test alone."""
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))

@@ -13,7 +13,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from benchmarks import kernels, memory, moving, startup, task
+from benchmarks import kernels, memory, moving, previews, startup, task
 from benchmarks.child import ask
 from benchmarks.task import Task
 from mitsuba_restir.errors import RenderError
@@ -80,6 +80,20 @@ def test_a_seed_that_is_compiled_in_is_found(file: str, monkeypatch: pytest.Monk
     monkeypatch.setattr(task, "load_scene", lambda study: None)
     monkeypatch.setattr(task, "make_renderer", lambda *arguments: renderer)
     assert kernels.measure(_task(file, (4, 2), "path"))["kernels compiled per frame"] >= 1.0
+
+
+def test_frames_with_a_preview_are_timed_beside_those_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(previews, "WARM", 1)
+    monkeypatch.setattr(previews, "MEASURED", 2)
+    path = tmp_path / "still.toml"
+    path.write_text(STUDY + '[variants.still]\ntype = "still"\nplan = "spp=1"\n')
+    numbers = previews.measure(_task(str(path), (32, 16), "still"))
+    plain, steered, more = numbers.values()
+    assert list(numbers)[:2] == ["plain frame", "frame with a preview"]
+    assert min(plain, steered) > 0.0
+    assert more == pytest.approx(100.0 * (steered / plain - 1.0))
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
-from support import references
+from support import references, rooms
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
 from support.runs import bias_report, independent_runs, integrator
@@ -127,13 +127,13 @@ def test_a_cell_that_has_seen_little_trusts_the_bsdf(rgb):
     assert (np.array(share.cheapest(costs, mi.Bool(True))) == 1).all()
 
 
-def test_reset_forgets_the_guide(rgb):
-    scene = references.CASES["room"].load()
+def test_reset_forgets_the_guide(rgb, two_threads):
+    scene, sensor = references.CASES["room"].load(), rooms.large_sensor()
     renderer = integrator(5, MODES["both"], guiding=True)
     runs = []
     for _ in range(2):
         renderer.reset()
-        runs.append([np.array(renderer.render(scene, seed=i, spp=1)) for i in range(3)])
+        runs.append([np.array(renderer.render(scene, sensor, seed=i, spp=1)) for i in range(3)])
     np.testing.assert_array_equal(runs[0], runs[1])
 
 

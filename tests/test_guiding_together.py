@@ -176,11 +176,8 @@ def test_five_hundred_frames(rgb, parameters):
     assert peak(120, 500) <= early
 
 
-def test_repeats_are_equal_bit_by_bit(rgb):
-    """In images that are large enough for several threads."""
-    description = rooms.sensor()
-    description["film"] |= {"width": 128, "height": 128}
-    scene, sensor = references.CASES["room"].load(), mi.load_dict(description)
+def test_repeats_are_equal_bit_by_bit(rgb, two_threads):
+    scene, sensor = references.CASES["room"].load(), rooms.large_sensor()
     renderer = integrator(5, MODES["both"], guiding=True, roulette="contribution")
     repeats = []
     for _ in range(4):

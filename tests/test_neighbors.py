@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
-from support import references
+from support import references, rooms
 from support.bias import BiasReport
 from support.modes import MODES, Mode
 from support.mutants import Mutation, apply
@@ -396,14 +396,14 @@ def test_confidence_does_not_depend_on_the_values(rgb, sampling):
 
 
 @pytest.mark.parametrize("sampling", STRATEGIES)
-def test_frames_repeat_and_are_not_compiled_again(rgb, sampling):
-    scene = references.CASES["room"].load()
+def test_frames_repeat_and_are_not_compiled_again(rgb, two_threads, sampling):
+    scene, sensor = references.CASES["room"].load(), rooms.large_sensor()
     renderer = integrator(5, BOTH, neighbor_sampling=sampling, spatial_rounds=2)
-    frames = [np.array(renderer.render(scene, seed=s, spp=1)) for s in range(2)]
+    frames = [np.array(renderer.render(scene, sensor, seed=s, spp=1)) for s in range(2)]
     renderer.reset()
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        again = [np.array(renderer.render(scene, seed=s, spp=1)) for s in range(4)]
+        again = [np.array(renderer.render(scene, sensor, seed=s, spp=1)) for s in range(4)]
         history = dr.kernel_history([dr.KernelType.JIT])
     np.testing.assert_array_equal(again[:2], frames)
     assert all(np.isfinite(image).all() and image.min() >= 0 for image in again)

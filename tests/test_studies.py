@@ -369,7 +369,7 @@ def test_published_values_are_a_column(
 
 
 # Those that need stills, or several variants of `path`, are measured in `test_studies_stills.py`.
-@pytest.mark.parametrize("name", [name for name in QUANTITIES if name not in ("as_long", "stated")])
+@pytest.mark.parametrize("name", sorted({*QUANTITIES} - {"as_long", "previews", "stated"}))
 def test_every_quantity_can_be_measured(
     name: str, tmp_path: Path, study: Study, log: list[tuple[str, int]]
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,13 @@ import pytest
 from support.studies import study_of
 
 from mitsuba_restir.errors import UsageError
+from mitsuba_restir.still.frames import Frames
 from mitsuba_restir.studies import run_study
+from mitsuba_restir.studies.measure import previews
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
-from mitsuba_restir.studies.measure.results import Measured, Row
+from mitsuba_restir.studies.measure.results import Measured, Refused, Row
 from mitsuba_restir.studies.measure.stills import as_long
+from mitsuba_restir.studies.runs.probing import SEEN, previewed_frames, stills_of
 from mitsuba_restir.studies.runs.results import ReferenceImage, Run
 from mitsuba_restir.studies.store.folder import StudyFolder
 
@@ -130,6 +134,110 @@ def test_stills_as_variants(tmp_path: Path) -> None:
     rows = run_study(study, tmp_path / "out").rows
     assert {row.variant for row in rows} == {"clean"}
     assert all(row.value.value > 0.0 for row in rows)
+
+
+# ------------------------------ previews --------------------------------------------------------
+
+
+def _erring(deviation: float, seed: int, level: float = 2.0) -> np.ndarray:
+    """A grey image of a level whose pixels deviate from it independently."""
+    grey = level + np.random.default_rng(seed).normal(0.0, deviation, (256, 256, 1))
+    return np.repeat(grey, 3, axis=2).astype(np.float32)
+
+
+def _known(deviation: float) -> ReferenceImage:
+    """A reference whose noise is known."""
+    image = _erring(deviation, 0).astype(np.float64)
+    return ReferenceImage(image, np.full(image.shape, deviation**2))
+
+
+def test_a_preview_that_is_the_mean_is_no_gain() -> None:
+    pytest.importorskip("flip_evaluator")
+    mean = _erring(0.4, 1)
+    found = previews.ratios(mean, mean, _known(0.2), 1)
+    numbers = previews.NUMBERS[1]
+    assert {number.name for number in numbers} < found.keys()
+    assert all(found[number.name] == pytest.approx(1.0) for number in numbers)
+
+
+def test_the_noise_of_the_reference_is_no_error_of_previews() -> None:
+    """Half of the mean's error is a quarter of its power: with the reference's noise, 0.4."""
+    pytest.importorskip("flip_evaluator")
+    mean, shown = _erring(0.4, 1), np.float32(1.01) * _erring(0.2, 2)
+    found = previews.ratios(mean, shown, _known(0.2), 4)
+    # Of 5000 frequencies in this band, a power is known to 1.4 %.
+    assert found[previews.named("power 0.06-0.17", 4)] == pytest.approx(0.25, abs=0.02)
+    assert found[previews.named("mean", 4)] == pytest.approx(1.01, abs=5e-3)
+    assert found[previews.named("HDR-FLIP", 4)] < 1.0
+    (share,) = found.keys() - {number.name for number in previews.NUMBERS[4]}
+    assert found[share] == pytest.approx(0.2, rel=0.15)
+
+
+def test_previews_are_refused_where_the_reference_is_noisier() -> None:
+    """After 16 frames, when the errors have fallen below its noise; what is asked for else is
+    given, and nothing else."""
+    pytest.importorskip("flip_evaluator")
+    said = {
+        count: previews.ratios(_erring(error, 1), _erring(error, 2), _known(0.2), count)
+        for count, error in ((1, 0.4), (16, 0.1))
+    }
+    data = replace(_data(0.5, 1.0), probes={("still", previews.PROBE): [said[1] | said[16]]})
+    *rows, refused = QUANTITIES["previews"].rows(data)
+    assert isinstance(refused, Refused)
+    assert "previews, 16 frames" in refused.reason
+    names = [row.quantity for row in rows if isinstance(row, Row)]
+    assert names == [number.name for number in previews.NUMBERS[1]]
+    asked = previews.NUMBERS[1][:1]
+    (row,) = previews.gains(data, asked)
+    assert isinstance(row, Row)
+    assert row.quantity == asked[0].name
+
+
+PREVIEWS = ('quantities=["previews"]', 'sizes=["64x48"]', "probe_runs=1")
+
+
+def test_previews_become_rows(tmp_path: Path) -> None:
+    pytest.importorskip("flip_evaluator")
+    study = study_of(
+        tmp_path, STUDY, *PREVIEWS, 'variants.still.plan="spp=1"', "reference.spp=1024"
+    )
+    table = run_study(study, tmp_path / "out")
+    found = {row.quantity: row.value.value for row in table.rows}
+    # The variant's four frames; a picture of `path` has no previews.
+    assert {row.variant for row in table.rows} == {"still"}
+    assert list(found) == [n.name for count in (1, 4) for n in previews.NUMBERS[count]]
+    assert found[previews.named("mean", 4)] == pytest.approx(1.0, rel=1e-4)
+    assert found[previews.named("power 0.06-0.17", 4)] < 1.0
+
+
+def test_previews_are_those_of_the_variant(tmp_path: Path) -> None:
+    """All that it asks of a still holds for the still that is previewed."""
+    pytest.importorskip("mitsuba_oidn")
+    own = (
+        "{type='still', plan='spp=1', max_depth=2, hide_emitters=true, guiding=true, denoise=true}"
+    )
+    study = study_of(tmp_path, STUDY, f"variants.still={own}")
+    source = stills_of(study, (24, 16), "still").begun(7, SEEN).source
+    assert isinstance(source, Frames)
+    assert source.subject.parameters == {"max_depth": 2, "hide_emitters": True, "guiding": True}
+    assert source.subject.seed == 7
+    assert source.subject.guides
+    assert source.subject.previewed == SEEN
+    assert source.plan.parameters["guiding"]
+    assert source.preview() is not None
+    assert not list(previewed_frames(study, (24, 16), "path", 0, previews.COUNTS))
+
+
+def test_without_flip_one_line_says_so_before_anything_is_rendered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(UsageError, match="'previews' needs pip install flip-evaluator"):
+        run_study(study_of(tmp_path, STUDY, *PREVIEWS), tmp_path / "out")
+    assert not (tmp_path / "out" / "probes").exists()
+
+
+# ------------------------------ what is refused -------------------------------------------------
 
 
 @pytest.mark.parametrize(

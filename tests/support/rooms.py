@@ -36,6 +36,13 @@ def sensor(lens: bool = False, fov: float = 40.0) -> Scene:
     return result
 
 
+def large_sensor() -> mi.Sensor:
+    """The same with 128x128 pixels: enough that several threads share a kernel."""
+    description = sensor()
+    description["film"] |= {"width": 128, "height": 128}
+    return mi.load_dict(description)
+
+
 def _rgb(*value: float) -> Scene:
     return {"type": "rgb", "value": list(value)}
 

@@ -43,9 +43,7 @@ NUMBERS = {
 """What is measured after each number of frames."""
 
 
-def numbers(
-    mean: Image, shown: Image, reference: ReferenceImage, count: int
-) -> Mapping[str, float]:
+def ratios(mean: Image, shown: Image, reference: ReferenceImage, count: int) -> Mapping[str, float]:
     """
     Measure a still after so many frames.
 
@@ -83,9 +81,12 @@ def _powers(power: FloatArray) -> FloatArray:
     return np.asarray(spectrum.band_power(power, spectrum.TABLE_BANDS))
 
 
-def gains(data: Measured, _: Sequence[Number]) -> Iterator[Row | Refused]:
-    """All ratios, where the reference is sure enough for the powers of that many frames."""
-    for count, own in NUMBERS.items():
+def gains(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refused]:
+    """Ratios, where the reference is sure enough for the powers of that many frames."""
+    for count in COUNTS:
+        own = [number for number in NUMBERS[count] if number in numbers]
+        if not own:
+            continue
         share = named(_SHARE, count)
         shares = {
             variant: max((a.get(share, 0.0) for a in data.probed(variant, PROBE)), default=0.0)

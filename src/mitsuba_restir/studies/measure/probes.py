@@ -97,7 +97,7 @@ def _previews(
     assert reference is not None
     found: dict[str, float] = {}
     for count, mean, shown in previewed_frames(study, size, name, index, previews.COUNTS):
-        found |= previews.numbers(mean, shown, reference, count)
+        found |= previews.ratios(mean, shown, reference, count)
     return found
 
 

@@ -277,6 +277,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         [number for numbers in previews.NUMBERS.values() for number in numbers],
         needs_reference=True,
         probe=previews.PROBE,
+        package="flip_evaluator",
         lacks=stills.lacks_stills,
     ),
     "mutation_spectra": Quantity(

@@ -9,17 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...still.driver import begun
-from ...still.frames import Subject, previewed
-from ...still.goal import LEAST, Goal
-from ...still.growth import Growth
-from ...still.picture import stopwatch
-from ...still.plan import parse
+from ...still.frames import previewed
+from ...still.goal import Goal
 from ..config.study import Size, Study
 from .rendering import make_renderer, make_sensor, seed_of
 from .results import Image
 from .scene import load_scene
-from .stills import TYPE
+from .stills import TYPE, Stills
 
 REFERENCED = frozenset({"mutation_spectra", "guided_denoising", "previews"})
 """Probes whose answers depend on the reference."""
@@ -29,6 +25,9 @@ KEY = 3
 
 REHEARSAL = 3
 """Frames of history that there are at least: the first three compile and record."""
+
+SIGMA = previewed({"blue_noise": "selection"})
+"""Of the Gaussian through which previews are seen [pixels]: the default of selection."""
 
 Tensor = npt.NDArray[Any]
 
@@ -53,27 +52,26 @@ def probed_frames(
             yield tensor, renderer.statistics()
 
 
-def growing(study: Study, size: Size, name: str, index: int, steered: bool) -> Growth:
-    """Begin a still of a variant, with a preview that is steered or without one."""
-    scene, plan = load_scene(study), study.variants[name].parameters.get("plan")
-    subject = Subject(
-        scene,
-        make_sensor(study, scene, size),
-        seed_of(study.seed, KEY, index, 0),
-        {"max_depth": study.max_depth},
-        previewed=previewed({"blue_noise": "selection"}) if steered else None,
-    )
-    asked = None if plan is None else parse(str(plan))
-    return begun(subject, asked, Goal(frames=max(study.frames, LEAST)), stopwatch())
+def stills_of(study: Study, size: Size, name: str) -> Stills:
+    """Make what begins stills of a variant."""
+    scene = load_scene(study)
+    return Stills(study, scene, make_sensor(study, scene, size), name, study.variants[name])
 
 
 def previewed_frames(
     study: Study, size: Size, name: str, index: int, counts: Collection[int]
 ) -> Iterator[tuple[int, Image, Image]]:
-    """Render a still; after each of some numbers of frames, yield it, its mean and its preview."""
+    """
+    Render a still; after each of some numbers of frames, yield it, its mean and its preview.
+
+    No further than the variant's own number of frames, where it has one. An error or a time decides
+    about its plan only.
+    """
     if study.variants[name].type != TYPE:
         return
-    growth = growing(study, size, name, index, steered=True)
-    for now in growth.grow(Goal(frames=max(counts))):
+    stills = stills_of(study, size, name)
+    growth = stills.begun(seed_of(study.seed, KEY, index, 0), SIGMA)
+    last = max(counts) if stills.goal.frames is None else min(max(counts), stills.goal.frames)
+    for now in growth.grow(Goal(frames=last)):
         if now.frames in counts:
             yield now.frames, growth.picture(), growth.shown()

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ... import still
+from ...analysis import denoise as denoiser
 from ...errors import UsageError, one_line
-from ...still.frames import check_parameters
-from ...still.goal import goal_of
-from ...still.picture import Still
-from ...still.plan import parse
+from ...still.driver import begun
+from ...still.frames import Subject, check_parameters
+from ...still.goal import Goal, goal_of
+from ...still.growth import Growth
+from ...still.picture import Still, stopwatch
+from ...still.plan import Plan, parse
 from ..config.study import Study, Variant
 from .results import Image
 
@@ -35,6 +37,8 @@ class Stills:
 
     Fields
     ------
+    goal : Goal
+        What they are rendered to.
     last : Still or None
         The last one.
 
@@ -45,21 +49,34 @@ class Stills:
     """
 
     def __init__(self, study: Study, scene: Any, sensor: Any, name: str, variant: Variant) -> None:
-        self._scene, self._sensor = scene, sensor
-        self._arguments: dict[str, Any] = {
-            "max_depth": study.max_depth,
-            "denoise": variant.denoise,
-            **variant.parameters,
-        }
+        self._scene, self._sensor, self._denoise = scene, sensor, variant.denoise
         self.last: Still | None = None
+        given = {"max_depth": study.max_depth, **variant.parameters}
         try:
-            _check(self._arguments)
+            self.goal, self._plan, self._parameters = _asked(given)
         except ValueError as error:
             raise UsageError(f"{study.name}: variant '{name}': {one_line(error)}") from error
 
+    def begun(self, seed: int, sigma: float | None = None) -> Growth:
+        """Begin one; with the Gaussian [pixels] through which its preview is seen, with one."""
+        if self._denoise:
+            denoiser.require()
+        subject = Subject(
+            self._scene,
+            self._sensor,
+            seed,
+            self._parameters,
+            guides=self._denoise,
+            previewed=sigma,
+        )
+        return begun(subject, self._plan, self.goal, stopwatch())
+
     def draw(self, seed: int) -> Image:
         """Render a picture, (H, W, 3)."""
-        self.last = still.render(self._scene, self._sensor, seed=seed, **self._arguments)
+        growth = self.begun(seed)
+        for _ in growth.grow(self.goal):
+            pass
+        self.last = growth.still(self._denoise)
         return self.last.image if self.last.denoised is None else self.last.denoised
 
     @property
@@ -75,10 +92,10 @@ class Stills:
         return f"{self.last.plan.describe()}; {self.last.frames} frames; {self.last.why}"
 
 
-def _check(arguments: Mapping[str, Any]) -> None:
-    """Refuse arguments that `still.render` would refuse (ValueError)."""
-    own = {"max_depth", "denoise", "plan", *GOALS}
-    goal_of(*(arguments.get(name) for name in GOALS))
-    check_parameters({name: value for name, value in arguments.items() if name not in own})
-    if "plan" in arguments:
-        parse(str(arguments["plan"]))
+def _asked(arguments: Mapping[str, Any]) -> tuple[Goal, Plan | None, Mapping[str, Any]]:
+    """Goal, plan and the frames' parameters, of arguments of `still.render` (ValueError)."""
+    goal = goal_of(*(arguments.get(name) for name in GOALS))
+    parameters = {name: arguments[name] for name in arguments if name not in ("plan", *GOALS)}
+    check_parameters(parameters)
+    plan = parse(str(arguments["plan"])) if "plan" in arguments else None
+    return goal, plan, parameters
