@@ -9,7 +9,7 @@ import drjit as dr
 import numpy as np
 
 from mitsuba_restir.still.goal import Goal
-from mitsuba_restir.studies.runs.probing import SEEN, stills_of
+from mitsuba_restir.studies.runs.probing import SIGMA, stills_of
 
 from . import harness
 from .task import Task
@@ -25,7 +25,8 @@ def measure(task: Task) -> dict[str, float]:
     times: dict[str, list[float]] = {"plain frame": [], "frame with a preview": []}
     stills = stills_of(task.study, task.size, task.variant)
     grown = [
-        stills.begun(task.seed(0), seen).grow(Goal(frames=WARM + MEASURED)) for seen in (None, SEEN)
+        stills.begun(task.seed(0), sigma).grow(Goal(frames=WARM + MEASURED))
+        for sigma in (None, SIGMA)
     ]
     for frame in range(WARM + MEASURED):
         for name, frames in zip(times, grown, strict=True):

@@ -16,7 +16,7 @@ from mitsuba_restir.studies.measure import previews
 from mitsuba_restir.studies.measure.quantities import QUANTITIES
 from mitsuba_restir.studies.measure.results import Measured, Refused, Row
 from mitsuba_restir.studies.measure.stills import as_long
-from mitsuba_restir.studies.runs.probing import SEEN, previewed_frames, stills_of
+from mitsuba_restir.studies.runs.probing import SIGMA, previewed_frames, stills_of
 from mitsuba_restir.studies.runs.results import ReferenceImage, Run
 from mitsuba_restir.studies.store.folder import StudyFolder
 
@@ -217,12 +217,12 @@ def test_previews_are_those_of_the_variant(tmp_path: Path) -> None:
         "{type='still', plan='spp=1', max_depth=2, hide_emitters=true, guiding=true, denoise=true}"
     )
     study = study_of(tmp_path, STUDY, f"variants.still={own}")
-    source = stills_of(study, (24, 16), "still").begun(7, SEEN).source
+    source = stills_of(study, (24, 16), "still").begun(7, SIGMA).source
     assert isinstance(source, Frames)
     assert source.subject.parameters == {"max_depth": 2, "hide_emitters": True, "guiding": True}
     assert source.subject.seed == 7
     assert source.subject.guides
-    assert source.subject.previewed == SEEN
+    assert source.subject.previewed == SIGMA
     assert source.plan.parameters["guiding"]
     assert source.preview() is not None
     assert not list(previewed_frames(study, (24, 16), "path", 0, previews.COUNTS))
