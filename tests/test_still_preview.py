@@ -306,6 +306,15 @@ def test_it_begins_anywhere(room, tmp_path):
     assert rest.shown().mean() == pytest.approx(whole.picture().mean(), rel=1e-5)
 
 
+def test_rounds_are_kept_from_whenever_they_are_asked_for(room):
+    renderer = mi.load_dict({"type": "restir_pt", **MIXED.parameters})
+    renderer.render(room, spp=1)
+    assert not renderer.frame.rounds
+    renderer.keep_rounds()
+    renderer.render(room, spp=1)
+    assert len(renderer.frame.rounds) == 2
+
+
 def test_without_reuse_the_mean_is_shown(room):
     still = Growth(frames_of(room, SEEN, Plan("bare", 2, {"spatial": False})), "", lambda: 0.0)
     for _ in still.grow(Goal(frames=2)):

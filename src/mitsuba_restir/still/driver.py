@@ -11,6 +11,7 @@ import numpy as np
 
 from ..analysis import denoise as denoiser
 from ..integrators.images import images_of
+from ..integrators.recording import frame_alone
 from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
@@ -87,7 +88,8 @@ def render(
     aovs = dict(images_of(str(parameters.pop("aovs", ""))))
     check_parameters(parameters)
     if not isinstance(sensor, mi.Sensor):
-        sensor = scene.sensors()[sensor or 0]
+        with frame_alone():
+            sensor = scene.sensors()[sensor or 0]
     subject = Subject(
         scene, sensor, seed, {"max_depth": max_depth, **parameters}, aovs, guides=denoise
     )
