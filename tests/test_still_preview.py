@@ -227,8 +227,8 @@ def test_it_is_a_mean_of_the_frames_estimates(wall):
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_pixel_that_is_not_finite_is_shown_and_no_other(wall, value):
     rng, still = np.random.default_rng(4), made(wall)
-    for frame in range(3):
-        values = drawn(rng, 1.0, 2.0)
+    for frame in range(5):
+        values = drawn(rng, 0.15, 1.0)
         if frame == 1:
             values[:, 20, 30] = value
         still.add(values)
@@ -236,6 +236,7 @@ def test_a_pixel_that_is_not_finite_is_shown_and_no_other(wall, value):
     assert lost[20, 30]
     assert lost.sum() == 1
     assert (still.shown != still.mean)[:, 60:].any()
+    assert still.shown[~lost].mean() == pytest.approx(still.mean[~lost].mean(), rel=1e-5)
 
 
 def test_black_is_black(wall):
