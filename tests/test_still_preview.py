@@ -98,8 +98,8 @@ class Made:
         dr.make_opaque(valid)
         rounds = [Round(color(grey), PairEstimators([color(v) for v in values], valid))]
         picture = after.picture
-        added = Added(image, [], picture.mean, picture.products, sums.picture.mean, count)
-        self.steered.add(Estimated(self.hits, rounds), added)
+        added = Added(image, [], picture.mean, picture.products, count)
+        self.steered.add(Estimated(self.hits, rounds), added, sums.picture.mean)
         self.sums = after
 
     @property
@@ -130,8 +130,7 @@ def powers(hits: Any, lit: float, shape: float) -> np.ndarray:
     steered = Preview(Steering(LAYOUT, (HEIGHT, WIDTH), SEEN))
     for chain in range(CHAINS):
         rng = np.random.default_rng(chain)
-        steered.restart()
-        still = made(hits, steered)
+        still = made(hits, steered.another())
         for _ in range(max(COUNTS)):
             still.add(drawn(rng, lit, shape))
             if still.frames in COUNTS:

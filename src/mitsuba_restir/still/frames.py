@@ -184,14 +184,14 @@ class Frames:
 
     def preview(self) -> Preview | None:
         """A new preview of a still of these frames; None where there is nothing to choose from."""
-        if self._preview is not None:
-            self._preview.restart()
-        return self._preview
+        return None if self._preview is None else self._preview.another()
 
     def estimated(self) -> Estimated:
-        """What the last frame has left to choose from, where there is a preview."""
+        """What the last frame has left to choose from, where there is a preview; given once."""
         frame = self._integrator.frame
-        return Estimated(frame.history.hits, frame.rounds)
+        # Most of what a frame leaves: kept, it would count at the next frame's peak.
+        rounds, frame.rounds = frame.rounds, []
+        return Estimated(frame.history.hits, rounds)
 
     def restart(self, seed: int) -> None:
         """From the first frame on, with nothing learnt, and by another seed."""

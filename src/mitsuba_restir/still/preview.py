@@ -30,6 +30,7 @@ is not finite show that, and around them what was shown before goes on with plai
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -89,15 +90,13 @@ class Added:
     """A frame that was added to a still.
 
     Fields: ``image`` (its film), ``weights`` (of its estimates), ``picture`` and ``products`` (what
-    the picture's sums are with it), ``before`` (what the mean was), ``frames`` (how many there are
-    with it; opaque).
+    the picture's sums are with it), ``frames`` (how many there are with it; opaque).
     """
 
     image: mi.Float
     weights: list[mi.Float]
     picture: list[mi.Float]
     products: list[mi.Float]
-    before: list[mi.Float]
     frames: mi.Float
 
 
@@ -114,19 +113,28 @@ class Preview:
         self._steering = steering
         self._steer = Stage(_steered, steering)
         self._bright = Stage(_bright, steering)
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin with another still, of frames with the same channels."""
         self._shown: mi.Color3f | None = None
 
-    def add(self, estimated: Estimated, added: Added) -> None:
-        """Choose what is shown of the frame that was added last."""
+    def another(self) -> Preview:
+        """One of another still, of frames with the same channels; with what is recorded."""
+        result = copy.copy(self)
+        result._shown = None
+        return result
+
+    def add(self, estimated: Estimated, added: Added, mean: list[mi.Float]) -> None:
+        """
+        Choose what is shown of the frame that was added last.
+
+        Parameters
+        ----------
+        mean : list of Float
+            What the picture's mean was before.
+        """
         with frame_alone(), collection_paused():
             before = self._shown
             if before is None:
                 # It may begin anywhere in a still, with the mean.
-                before = mi.Color3f(*_by_pixels(self._steering.grid, added.before))
+                before = mi.Color3f(*_by_pixels(self._steering.grid, mean))
                 dr.eval(before)
             # As arrays of Dr.Jit's own: how NumPy's are aligned differs, and is recorded.
             weights = [weight + dr.opaque(mi.Float, 0) for weight in added.weights]
