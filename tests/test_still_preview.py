@@ -238,6 +238,24 @@ def test_a_pixel_that_is_not_finite_is_shown_and_no_other(wall, value):
     assert still.shown[~lost].mean() == pytest.approx(still.mean[~lost].mean(), rel=1e-5)
 
 
+def test_around_a_pixel_that_is_not_finite_the_choice_goes_on(wall):
+    """As without it, but for what would have been chosen at it."""
+    around = np.zeros((HEIGHT, WIDTH), bool)
+    around[12:29, 22:39] = True
+    around[20, 30] = False
+    steered = []
+    for value in (1.0, np.nan):
+        rng, still = np.random.default_rng(4), made(wall)
+        for frame in range(3):
+            values = drawn(rng, 1.0, 2.0)
+            if frame == 0:
+                values[:, 20, 30] = value
+            still.add(values)
+        shown = grid_of(WIDTH, HEIGHT).image(np.array(still.steered._shown)[1])
+        steered.append((np.abs(shown - still.mean[..., 1]) > 1e-3)[around].mean())
+    assert steered[1] == pytest.approx(steered[0], abs=0.02)
+
+
 def test_black_is_black(wall):
     still = made(wall)
     for _ in range(2):

@@ -61,7 +61,8 @@ def aim(
     frames : Float
         How many there are (opaque).
     alike : UInt32
-        Result of :func:`mitsuba_restir.neighbors.around.similar_neighbors`.
+        Result of :func:`mitsuba_restir.neighbors.around.similar_neighbors`, without the pixels
+        whose mean or standard error is not finite: they would spread.
     """
     further = similar_further(grid, alike)
     dr.eval(further)

@@ -25,7 +25,8 @@ all that there is against an error of s / sqrt(n), and the gain would fade as 1 
 The choice depends on the values chosen from: P_n is biased, pixel against pixel, and its mean is
 made that of M_n (:func:`mitsuba_restir.passes.select.as_bright`). It goes nowhere but to a screen:
 neither the sums of the still nor its weights, checkpoint and frames know of it. Pixels whose mean
-is not finite show that, and around them what was shown before goes on with plain frames.
+is not finite (or beyond 1e19, where its square is not) show what they have, unsteered, and count
+for no other pixel: neither as what it is aimed at nor as error beside it.
 """
 
 from __future__ import annotations
@@ -38,10 +39,11 @@ import mitsuba as mi
 
 from ..imageio import Image
 from ..integrators.recording import Stage, collection_paused, frame_alone
-from ..neighbors.around import similar_neighbors
+from ..neighbors.around import among, similar_neighbors
 from ..passes.select import Aim, Seen, as_bright, choose
 from ..paths.grid import Grid, grid_of
 from ..paths.primary_hit import PrimaryHit
+from ..paths.spectrum import target
 from ..resampling.pairwise import PairEstimators
 from ..resampling.subsets import Round
 from ..sampling.streams import FrameKey
@@ -168,11 +170,18 @@ def _steered(
             for square in _by_pixels(grid, added.products)
         )
     )
-    alike = similar_neighbors(grid, estimated.hits)
-    dr.eval(newest, share, mean, deviation, alike)
+    dr.eval(newest, share, mean, deviation)
+    # Squares, which are what the aim is made of, may be infinite where values are not.
+    values = (target(color) for color in (before, mean, deviation))
+    usable = mi.Bool(True)
+    for value in values:
+        usable &= dr.isfinite(dr.square(value))
+    alike = among(grid, similar_neighbors(grid, estimated.hits), usable)
+    dr.eval(alike)
     last = estimated.rounds[-1].mean
-    # Rounding may leave it below zero.
-    rest = dr.maximum(newest - share * last, 0)
+    rest = newest - share * last
+    # Rounding may leave it below zero. What is not a number stays so: maxima differ in that.
+    rest = dr.select(rest < 0, 0, rest)
 
     def in_mean(color: mi.Color3f) -> mi.Color3f:
         return before + (rest + share * color - before) / frames
