@@ -119,7 +119,7 @@ def begun(subject: Subject, plan: Plan | None, goal: Goal, elapsed: Callable[[],
 
 def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Growth:
     """With the plan that a pilot finds; its frames share nothing with the picture's but kernels."""
-    apart = replace(subject, seed=_other_seed(subject.seed), previewed=None)
+    apart = replace(subject, seed=_other_seed(subject.seed))
     tried: dict[str, Frames] = {}
 
     def begin(plan: Plan) -> Render:
@@ -128,7 +128,7 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
 
     choice = pilot(begin, goal, DENOISED if subject.guides else RAW)
     frames = tried.get(choice.plan.name)
-    if frames is None or subject.previewed is not None:
+    if frames is None:
         frames = Frames(subject, choice.plan)
     frames.restart(subject.seed)
     return Growth(frames, choice.why, elapsed)

@@ -206,6 +206,7 @@ class Frames:
         """Luminances of the next frame's estimates, (K, H, W), with so many trees a pixel."""
         layout, (height, width) = self.layout, self.size
         film = np.array(self._film(spp), dtype=np.float64).reshape(height, width, layout.channels)
+        self.estimated()  # lets go of it
         return np.stack([channels_luminance(film[..., list(place)]) for place in layout.estimates])
 
     def _film(self, spp: int) -> mi.Float:

@@ -113,7 +113,9 @@ class Preview:
 
     def __init__(self, steering: Steering) -> None:
         self._steering = steering
-        self._steer = Stage(_steered, steering)
+        # Two: what is recorded keeps all that it calculates until its end.
+        self._aim = Stage(_aimed, steering)
+        self._choose = Stage(_chosen, steering)
         self._bright = Stage(_bright, steering)
         self._shown: mi.Color3f | None = None
 
@@ -142,7 +144,8 @@ class Preview:
             weights = [weight + dr.opaque(mi.Float, 0) for weight in added.weights]
             dr.eval(weights)
             added = replace(added, weights=weights)
-            self._shown = self._steer(estimated, added, before)
+            aimed = self._aim(estimated.hits, added, before)
+            self._shown = self._choose(estimated.rounds, added, before, aimed)
 
     def picture(self, sums: Sums) -> Image:
         """What is shown, (H, W, 3): the mean, as long as nothing was added."""
@@ -153,16 +156,11 @@ class Preview:
         return image_of(list(shown), self._steering.size)
 
 
-def _steered(
-    steering: Steering, estimated: Estimated, added: Added, before: mi.Color3f
-) -> mi.Color3f:
-    """P_n, by pixels of the grid, from P_{n-1}."""
-    grid, layout, frames = steering.grid, steering.layout, added.frames
-    newest = mixed(added.weights, estimates_of(layout, added.image))
-    newest = mi.Color3f(*_by_pixels(grid, list(newest)))
-    share = mi.Float(1)
-    if added.weights:
-        (share,) = _by_pixels(grid, added.weights[-1:])
+def _aimed(
+    steering: Steering, hits: PrimaryHit, added: Added, before: mi.Color3f
+) -> tuple[mi.Color3f, mi.UInt32]:
+    """What to come near to, and which neighbours count."""
+    grid, frames = steering.grid, added.frames
     mean = mi.Color3f(*_by_pixels(grid, added.picture))
     deviation = mi.Color3f(
         *(
@@ -170,16 +168,32 @@ def _steered(
             for square in _by_pixels(grid, added.products)
         )
     )
-    dr.eval(newest, share, mean, deviation)
+    dr.eval(mean, deviation)
     # Squares, which are what the aim is made of, may be infinite where values are not.
-    values = (target(color) for color in (before, mean, deviation))
     usable = mi.Bool(True)
-    for value in values:
-        usable &= dr.isfinite(dr.square(value))
-    alike = among(grid, similar_neighbors(grid, estimated.hits), usable)
+    for color in (before, mean, deviation):
+        usable &= dr.isfinite(dr.square(target(color)))
+    alike = among(grid, similar_neighbors(grid, hits), usable)
     dr.eval(alike)
-    last = estimated.rounds[-1].mean
-    rest = newest - share * last
+    return aim(grid, mean, deviation, frames, alike), alike
+
+
+def _chosen(
+    steering: Steering,
+    known: list[Round],
+    added: Added,
+    before: mi.Color3f,
+    aimed: tuple[mi.Color3f, mi.UInt32],
+) -> mi.Color3f:
+    """P_n, by pixels of the grid, from P_{n-1}."""
+    grid, frames = steering.grid, added.frames
+    newest = mixed(added.weights, estimates_of(steering.layout, added.image))
+    newest = mi.Color3f(*_by_pixels(grid, list(newest)))
+    share = mi.Float(1)
+    if added.weights:
+        (share,) = _by_pixels(grid, added.weights[-1:])
+    dr.eval(newest, share)
+    rest = newest - share * known[-1].mean
     # Rounding may leave it below zero. What is not a number stays so: maxima differ in that.
     rest = dr.select(rest < 0, 0, rest)
 
@@ -188,17 +202,16 @@ def _steered(
 
     rounds = [
         Round(
-            in_mean(known.mean),
-            PairEstimators([in_mean(c) for c in known.estimators.colors], known.estimators.valid),
+            in_mean(each.mean),
+            PairEstimators([in_mean(c) for c in each.estimators.colors], each.estimators.valid),
         )
-        for known in estimated.rounds
+        for each in known
     ]
     rounds[-1].mean = before + (newest - before) / frames
     dr.eval(rounds)
-    reference = aim(grid, mean, deviation, frames, alike)
     # The seed only draws in which order pixels choose.
     key = FrameKey(mi.UInt32(frames), dr.opaque(mi.UInt32, 0))
-    return choose(grid, key, rounds, Aim(reference, alike, steering.seen))
+    return choose(grid, key, rounds, Aim(*aimed, steering.seen))
 
 
 def _bright(steering: Steering, shown: mi.Color3f, picture: list[mi.Float]) -> mi.Color3f:
