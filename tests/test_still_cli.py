@@ -438,6 +438,16 @@ def test_tev_is_left_with_what_is_written_when_interrupted(folder, monkeypatch):
     np.testing.assert_array_equal(shown[-1], picture)
 
 
+def test_tev_is_sent_nothing_when_there_is_nothing(folder, monkeypatch):
+    pytest.importorskip("tevclient")
+    failing_at(monkeypatch, 1, KeyboardInterrupt())
+    listener = Listener()
+    listener.start()
+    assert cli.main([*TINY, "--frames", "9", "--tev", f"127.0.0.1:{listener.port}"]) == 130
+    listener.join(10)
+    assert listener.packets == []
+
+
 def test_without_a_tev_rendering_goes_on(folder, capsys):
     pytest.importorskip("tevclient")
     with socket.create_server(("127.0.0.1", 0)) as free:

@@ -334,6 +334,17 @@ def test_rounds_are_kept_from_whenever_they_are_asked_for(room):
     assert len(renderer.frame.rounds) == 2
 
 
+def test_each_still_of_the_same_frames_has_its_own(room):
+    frames = frames_of(room, SEEN)
+    still = Growth(frames, "", lambda: 0.0)
+    next(still.grow(Goal(frames=2)))
+    shown = still.shown()
+    other = Growth(frames, "", lambda: 0.0)
+    np.testing.assert_array_equal(still.shown(), shown)
+    np.testing.assert_array_equal(other.shown(), other.picture())
+    assert (shown != still.picture()).any()
+
+
 def test_without_reuse_the_mean_is_shown(room):
     still = Growth(frames_of(room, SEEN, Plan("bare", 2, {"spatial": False})), "", lambda: 0.0)
     for _ in still.grow(Goal(frames=2)):

@@ -253,7 +253,8 @@ def _grow(
             try:
                 _watched(growth, goal, files, viewer)
             finally:
-                viewer.show(growth.picture())
+                if growth.has_picture:
+                    viewer.show(growth.picture())
     except KeyboardInterrupt as error:
         hint = f"--resume goes on from {files.checkpoint}" if options.checkpoint_every else ""
         raise KeyboardInterrupt(hint if growth.snapshot.frames else "") from error
@@ -276,7 +277,7 @@ def _watched(growth: Growth, goal: Goal, files: StillFiles, viewer: tev.Tev) -> 
 
 
 def _finish(growth: Growth, files: StillFiles, options: argparse.Namespace) -> None:
-    if not growth.snapshot.frames and growth.source.lit:
+    if not growth.has_picture:
         return
     try:
         still = growth.still(options.denoise)

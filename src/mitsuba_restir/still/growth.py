@@ -143,6 +143,11 @@ class Growth:
             pace = self.elapsed() - begin
             yield self._progress(goal, pace)
 
+    @property
+    def has_picture(self) -> bool:
+        """Whether there is a frame, or none is needed, since the picture is black."""
+        return bool(self.snapshot.frames) or not self.source.lit
+
     def picture(self) -> Image:
         """The mean of the frames so far, (H, W, 3)."""
         return accumulate.image_of(self.snapshot.sums.picture.mean, self.source.size)
