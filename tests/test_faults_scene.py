@@ -17,8 +17,11 @@ import numpy as np
 import pytest
 from support import edits
 
+from mitsuba_restir import still
 from mitsuba_restir.integrators import flat, recording
 from mitsuba_restir.integrators.scene_watch import SceneWatch
+from mitsuba_restir.still.frames import Frames, Subject
+from mitsuba_restir.still.plan import Plan
 
 # --------------------------------- edits --------------------------------------------------------
 
@@ -335,21 +338,41 @@ def test_a_mesh_with_fewer_triangles(rgb, parameters, instanced, tmp_path):
 
 def test_a_scene_is_looked_at_in_its_turn(rgb):
     """Replays crash where another thread is the first to look at an object of any scene."""
-    looked = threading.Event()
 
-    class Scene:
-        def sensors(self) -> list[Any]:
-            looked.set()
-            return []
+    class Watched:
+        """Anything of a scene, which says that it was looked at."""
+
+        def __init__(self) -> None:
+            self.looked = threading.Event()
+
+        def __getattr__(self, name: str) -> Any:
+            self.looked.set()
+            raise LookupError(name)
 
     renderer = mi.load_dict(edits.RENDERER)
-    with ThreadPoolExecutor(1) as pool:
-        with recording.frame_alone():
-            frame = pool.submit(renderer.render, Scene())
-            assert not looked.wait(0.3)
-        with pytest.raises(IndexError):
-            frame.result()
-    assert looked.is_set()
+    plan = Plan("", 1, {"spatial": False})
+    looks = (
+        lambda thing: renderer.render(thing),
+        lambda thing: renderer.prepare(thing, thing),
+        lambda thing: Subject(thing, thing, 0).lit,
+        lambda thing: Frames(Subject(thing, thing, 0), plan),
+        lambda thing: still.render(thing, frames=2),
+    )
+    for look in looks:
+        thing, begun = Watched(), threading.Event()
+
+        def in_turn(look: Any = look, thing: Any = thing, begun: Any = begun) -> None:
+            begun.set()
+            look(thing)
+
+        with ThreadPoolExecutor(1) as pool:
+            with recording.frame_alone():
+                done = pool.submit(in_turn)
+                assert begun.wait(60)
+                assert not thing.looked.wait(0.3)
+            with pytest.raises(LookupError):
+                done.result()
+        assert thing.looked.is_set()
 
 
 THREADS = """

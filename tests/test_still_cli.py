@@ -21,6 +21,9 @@ from support.disks import refuse
 from mitsuba_restir import cli
 from mitsuba_restir.arrays import load_arrays
 from mitsuba_restir.still.frames import Frames
+from mitsuba_restir.still.pilot import Choice
+from mitsuba_restir.still.plan import PLANS
+from mitsuba_restir.still.preview import Preview
 
 PLAN = "spp=1,spatial_rounds=2,spatial_radius=4"
 TINY = ["still", "cornell", "--resolution", "16x9", "--max-depth", "3", "--plan", PLAN, "-o", "a"]
@@ -132,6 +135,11 @@ BAD = {
     "biased": (["-p", "mutation_acceptance=energy"], "a still cannot have"),
     "previews of nothing": (["-p", "blue_noise=selection"], "what is shown of a still while it"),
     "no such previews": (["-p", "blue_noise=blue", "--tev", "localhost"], "blue_noise must be"),
+    "previews of no reuse": (
+        ["--plan", "spp=1,spatial=false", "-p", "blue_noise=selection", "--tev", "localhost"],
+        "argument --plan: 'spp=1,spatial=false' has no spatial reuse",
+    ),
+    "how previews are seen": (["-p", "blue_noise_sigma=1"], "needs blue_noise=selection"),
     "seen from too far": (["-p", "blue_noise_sigma=9"], "blue_noise_sigma must be"),
     "unknown parameter": (["-p", "depth=3"], "no parameter 'depth'"),
     "parameter out of range": (["-p", "spatial_rounds=99"], "from 1 to 16"),
@@ -369,6 +377,75 @@ def test_tev_is_sent_previews_and_at_last_what_is_written(folder, monkeypatch):
     np.testing.assert_array_equal(shown[-1], picture)
     assert (shown[-2] != picture).any()
     np.testing.assert_allclose(shown[-2].mean(), picture.mean(), rtol=1e-5)
+
+
+def test_where_the_plan_found_has_no_reuse_the_mean_is_shown_and_it_is_said(
+    folder, capsys, monkeypatch
+):
+    pytest.importorskip("tevclient")
+    bare = Choice(PLANS["candidates"], "it was the first", 0.0)
+    monkeypatch.setattr("mitsuba_restir.still.driver.pilot", lambda *_: bare)
+    words = [word for word in TINY if word not in ("--plan", PLAN)]
+    listener = Listener()
+    listener.start()
+    place = f"127.0.0.1:{listener.port}"
+    asked = ["--frames", "2", "--tev", place, "-p", "blue_noise=selection"]
+    assert cli.main([*words, *asked]) == 0
+    (line,) = said(capsys)
+    assert line.endswith("nothing to choose from; the plain mean is shown")
+
+
+@pytest.mark.parametrize("gone_after", [0, 1])
+def test_what_nobody_sees_is_not_steered(folder, monkeypatch, gone_after):
+    """With no tev at all, or from the frame on after which it has gone."""
+    tevclient = pytest.importorskip("tevclient")
+    monkeypatch.setattr("mitsuba_restir.cli.still.SHOWN_EVERY", 0.0)
+    steered = []
+    add = Preview.add
+    monkeypatch.setattr(Preview, "add", lambda self, *args: (steered.append(1), add(self, *args)))
+    listener = Listener()
+    if gone_after:
+        listener.start()
+
+        def gone(*_: object) -> None:
+            raise BrokenPipeError(32, "Broken pipe")
+
+        monkeypatch.setattr(tevclient.Ipc, "update_image", gone)
+    else:
+        listener.socket.close()
+    place = f"127.0.0.1:{listener.port}"
+    asked = ["--frames", "4", "--tev", place, "-p", "blue_noise=selection"]
+    assert cli.main([*TINY, *asked]) == 0
+    assert len(steered) == gone_after
+    assert mi.Bitmap("a.exr").metadata()["frames"] == "4"
+
+
+def test_tev_is_left_with_what_is_written_when_interrupted(folder, monkeypatch):
+    pytest.importorskip("tevclient")
+    monkeypatch.setattr("mitsuba_restir.cli.still.SHOWN_EVERY", 0.0)
+    failing_at(monkeypatch, 3, KeyboardInterrupt())
+    listener = Listener()
+    listener.start()
+    place = f"127.0.0.1:{listener.port}"
+    asked = ["--frames", "9", "--tev", place, "-p", "blue_noise=selection"]
+    assert cli.main([*TINY, *asked]) == 130
+    listener.join(10)
+    shown = [np.frombuffer(p[-9 * 16 * 3 * 4 :], "<f4") for p in listener.packets[1:]]
+    written = channels("a.exr")
+    picture = np.stack([written[name] for name in "RGB"], axis=-1).ravel()
+    assert len(shown) == 3
+    assert (shown[-2] != picture).any()
+    np.testing.assert_array_equal(shown[-1], picture)
+
+
+def test_tev_is_sent_nothing_when_there_is_nothing(folder, monkeypatch):
+    pytest.importorskip("tevclient")
+    failing_at(monkeypatch, 1, KeyboardInterrupt())
+    listener = Listener()
+    listener.start()
+    assert cli.main([*TINY, "--frames", "9", "--tev", f"127.0.0.1:{listener.port}"]) == 130
+    listener.join(10)
+    assert listener.packets == []
 
 
 def test_without_a_tev_rendering_goes_on(folder, capsys):

@@ -12,10 +12,12 @@ import pytest
 
 from mitsuba_restir import scenes
 from mitsuba_restir.analysis.denoise import installed
-from mitsuba_restir.viewer import camera
+from mitsuba_restir.still.preview import Preview
+from mitsuba_restir.viewer import camera, views
 from mitsuba_restir.viewer.director import SETTLED, Director
 from mitsuba_restir.viewer.exchange import Task
 from mitsuba_restir.viewer.model import Settings, Side
+from mitsuba_restir.viewer.reference import Reference, relmse
 from mitsuba_restir.viewer.renderer import Renderer
 from mitsuba_restir.viewer.resting import SHOWN_FROM
 from mitsuba_restir.viewer.stream import packed
@@ -167,8 +169,35 @@ def test_with_selection_a_still_is_steered_and_its_reference_plain(rgb):
     np.testing.assert_allclose(steered.mean(), plain.mean(), rtol=1e-5)
     director.picture(replace(resting, kept=1))
     reference = director._reference.image
-    np.testing.assert_allclose(reference, plain, atol=0.2 * plain.max())
+    np.testing.assert_array_equal(reference, plain)
     assert director._resting.still(denoise=False).frames == SHOWN_FROM + 1
+
+
+def test_what_is_measured_of_a_still_is_its_mean_and_steered_is_what_is_seen(rgb, monkeypatch):
+    steered = []
+    add = Preview.add
+    monkeypatch.setattr(Preview, "add", lambda self, *args: (steered.append(1), add(self, *args)))
+    renderer = _renderer()
+    truth = np.random.default_rng(0).random((SIZE[1], SIZE[0], 3), dtype=np.float32)
+    reference = Reference(truth, renderer.home, "a file")
+    seconds = iter(range(10**6))
+    director = Director(renderer, reference, lambda _: None, lambda: float(next(seconds)))
+    settings = Settings((Side({"blue_noise": "selection"}), Side()))
+    resting = _task(renderer, settings, rest=2 * SETTLED)
+    facts = [director.picture(resting) for _ in range(SHOWN_FROM)][-1].facts
+    plain, shown = director._resting.still(denoise=False).image, director._resting.shown()
+    assert facts["relmse"] == [relmse(plain, reference)]
+    assert facts["relmse"] != [relmse(shown, reference)]
+    assert len(steered) == SHOWN_FROM
+    seen = replace(
+        resting, settings=settings.with_side(0, replace(settings.sides[0], view="error"))
+    )
+    (picture,) = director.picture(seen).pictures
+    plain = director._resting.still(denoise=False).image
+    np.testing.assert_array_equal(picture, views.error(plain, reference).picture)
+    assert len(steered) == SHOWN_FROM
+    director.picture(resting)
+    assert len(steered) == SHOWN_FROM + 1
 
 
 def test_a_black_still_is_said_in_json(rgb):

@@ -12,7 +12,7 @@ from typing import Any
 import mitsuba as mi
 
 from .. import __version__, scene_files
-from ..errors import UsageError, one_line, rendering
+from ..errors import UsageError, rendering
 from ..integrators.declaration import Value
 from ..integrators.images import asking_for
 from ..passes.shade import AOVS
@@ -25,6 +25,7 @@ from ..still.picture import stopwatch
 from ..still.plan import PLANS, Plan, parse
 from . import denoising, loading, output, tev
 from .arguments import as_dict, integer, place, positive, positive_seconds, seconds_between
+from .notes import say
 from .parameters import parse_aovs, parse_parameters
 from .progress import still_bar
 from .render import MAX_FRAMES, add_aovs_argument, add_scene_arguments
@@ -37,6 +38,8 @@ EVERY = 60.0
 
 SHOWN_EVERY = 1.0
 """Seconds between pictures that tev is sent."""
+
+NOTHING_TO_CHOOSE = "has no spatial reuse, so that blue_noise=selection has nothing to choose from"
 
 
 def add_command(commands: Any) -> None:
@@ -106,7 +109,7 @@ def add_command(commands: Any) -> None:
         metavar="HOST:PORT",
         type=partial(place, port=tev.PORT),
         help=f"show the growing picture in a running tev (port {tev.PORT}); with -p "
-        "blue_noise=selection steered so that its error is blue, until it is finished",
+        "blue_noise=selection steered so that its error is blue, until it ends",
     )
     parser.set_defaults(run=run)
 
@@ -114,14 +117,15 @@ def add_command(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Render; 0 when the picture is written."""
     goal = goal_of(options.error, options.time_budget, options.frames)
-    parameters = _parameters(options)
-    seen_through = _seen_through(parameters, options)
+    parameters, seen = _parameters(options)
     aovs = parse_aovs(options.aovs) if options.aovs is not None else {}
     if options.denoise:
         denoising.require()
     plan = None if options.plan is None else _plan(options.plan)
     target = output.plan(options.output, options.scene, numbered=False)
-    subject = replace(_subject(options, parameters, aovs), previewed=seen_through)
+    subject = _subject(options, parameters, aovs, seen)
+    if plan is not None and seen is not None and not subject.planned(plan).mixes:
+        raise UsageError(f"argument --plan: '{options.plan}' {NOTHING_TO_CHOOSE}")
     output.prepare_folder(target.stem.parent, f"{target.name(0, DENOISED).name}{SUFFIX}")
     files = StillFiles(
         target,
@@ -131,13 +135,19 @@ def run(options: argparse.Namespace) -> int:
         {"scene": options.scene, "variant": mi.variant(), "seed": str(options.seed)},
     )
     elapsed = stopwatch()
-    with rendering():
-        if options.resume:
-            growth = _resumed(subject, plan, files, elapsed)
-        else:
-            growth = begun(subject, plan, goal, elapsed)
-    print(f"{growth.source.plan.describe()} ({growth.why})")
-    _grow(growth, goal, files, options)
+    with tev.Tev(options.tev, target.name(0).name) as viewer:
+        if not viewer.connected:
+            # Previews take time and memory, and nobody sees them.
+            subject = replace(subject, previewed=None)
+        with rendering():
+            if options.resume:
+                growth = _resumed(subject, plan, files, elapsed)
+            else:
+                growth = begun(subject, plan, goal, elapsed)
+        print(f"{growth.source.plan.describe()} ({growth.why})")
+        if subject.previewed is not None and not growth.source.plan.mixes:
+            say(f"the plan {NOTHING_TO_CHOOSE}; the plain mean is shown")
+        _grow(growth, goal, files, options, viewer)
     return 0
 
 
@@ -148,28 +158,31 @@ def _plan(text: str) -> Plan:
         raise UsageError(f"argument --plan: {error}") from error
 
 
-def _parameters(options: argparse.Namespace) -> dict[str, Value]:
+def _parameters(options: argparse.Namespace) -> tuple[dict[str, Value], float | None]:
+    """What a still is rendered with, and how previews of it are seen."""
     given = as_dict(options.parameters, "-p")
     try:
         check_parameters({name: text for name, text in given.items() if name == "preset"})
         parameters = parse_parameters(given)
-        check_parameters({k: value for k, value in parameters.items() if k not in PREVIEWS})
+        asked = {name: parameters.pop(name) for name in PREVIEWS if name in parameters}
+        check_parameters(parameters)
+        seen = _seen_through(asked, options)
     except ValueError as error:
         raise UsageError(f"argument -p: {error}") from error
     if options.max_depth is not None:
         if "max_depth" in parameters:
             raise UsageError("argument --max-depth: not allowed with -p max_depth")
         parameters["max_depth"] = options.max_depth
-    return parameters
+    return parameters, seen
 
 
-def _seen_through(parameters: dict[str, Value], options: argparse.Namespace) -> float | None:
-    """What is asked of previews, taken out of the parameters of the still."""
-    asked = {name: parameters.pop(name) for name in PREVIEWS if name in parameters}
-    try:
-        found = previewed(asked)
-    except ValueError as error:
-        raise UsageError(f"argument -p: {one_line(error)}") from error
+def _seen_through(asked: Mapping[str, Value], options: argparse.Namespace) -> float | None:
+    """What is asked of previews."""
+    found = previewed(asked)
+    if found is None and (unused := [name for name in asked if name != "blue_noise"]):
+        raise UsageError(
+            f"argument -p: {unused[0]} says how previews are seen, and needs blue_noise=selection"
+        )
     if found is not None and options.tev is None:
         raise UsageError(
             "argument -p: blue_noise=selection steers what is shown of a still while it grows, not "
@@ -179,7 +192,10 @@ def _seen_through(parameters: dict[str, Value], options: argparse.Namespace) -> 
 
 
 def _subject(
-    options: argparse.Namespace, parameters: Mapping[str, Value], aovs: Mapping[str, str]
+    options: argparse.Namespace,
+    parameters: Mapping[str, Value],
+    aovs: Mapping[str, str],
+    seen: float | None,
 ) -> Subject:
     """Load what is to be rendered, and refuse what the plugin would refuse later."""
     loading.choose_variant(options.variant)
@@ -188,7 +204,7 @@ def _subject(
     definitions = as_dict(options.definitions, "-D")
     scene = loading.load_scene(options.scene, definitions, options.resolution)
     sensor = loading.choose_sensor(scene, options.sensor)
-    return Subject(scene, sensor, options.seed, parameters, aovs, guides=options.denoise)
+    return Subject(scene, sensor, options.seed, parameters, aovs, options.denoise, seen)
 
 
 def _label(options: argparse.Namespace, subject: Subject) -> dict[str, str]:
@@ -223,19 +239,21 @@ def _resumed(
     return Growth(source, kept.why, lambda: kept.seconds + elapsed(), snapshot)
 
 
-def _grow(growth: Growth, goal: Goal, files: StillFiles, options: argparse.Namespace) -> None:
-    """Render to the goal; whatever comes, what there is gets written."""
+def _grow(
+    growth: Growth,
+    goal: Goal,
+    files: StillFiles,
+    options: argparse.Namespace,
+    viewer: tev.Tev,
+) -> None:
+    """Render to the goal; whatever comes, what there is gets written, and shown as it is."""
     try:
-        with rendering(), tev.Tev(options.tev, files.target.name(0).name) as viewer:
-            shown = 0.0
-            with still_bar() as report:
-                for now in growth.grow(goal):
-                    report(now)
-                    files.tick(growth)
-                    if viewer.connected and time.perf_counter() - shown >= SHOWN_EVERY:
-                        viewer.show(growth.shown())
-                        shown = time.perf_counter()
-            viewer.show(growth.picture())
+        with rendering():
+            try:
+                _watched(growth, goal, files, viewer)
+            finally:
+                if growth.has_picture:
+                    viewer.show(growth.picture())
     except KeyboardInterrupt as error:
         hint = f"--resume goes on from {files.checkpoint}" if options.checkpoint_every else ""
         raise KeyboardInterrupt(hint if growth.snapshot.frames else "") from error
@@ -244,8 +262,21 @@ def _grow(growth: Growth, goal: Goal, files: StillFiles, options: argparse.Names
             _finish(growth, files, options)
 
 
+def _watched(growth: Growth, goal: Goal, files: StillFiles, viewer: tev.Tev) -> None:
+    """Render to the goal, and show what there is, as long as somebody sees it."""
+    shown = 0.0
+    with still_bar() as report:
+        for now in growth.grow(goal):
+            report(now)
+            files.tick(growth)
+            if viewer.connected and time.perf_counter() - shown >= SHOWN_EVERY:
+                viewer.show(growth.shown())
+                shown = time.perf_counter()
+            growth.steer(viewer.connected)
+
+
 def _finish(growth: Growth, files: StillFiles, options: argparse.Namespace) -> None:
-    if not growth.snapshot.frames and growth.source.lit:
+    if not growth.has_picture:
         return
     try:
         still = growth.still(options.denoise)

@@ -9,6 +9,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..paths.camera import REPROJECTABLE
 from ..paths.packing import MOST_INSTANCES, MOST_PRIMITIVES, number_of
 
 WORDS = 2**32
@@ -135,8 +136,10 @@ def check_scene(scene: mi.Scene) -> None:
             )
 
 
-def check_sensor(sensor: mi.Sensor) -> None:
+def check_sensor(sensor: mi.Sensor, temporal: bool) -> None:
     """Refuse sensors and films without a pixel grid; warn about wide reconstruction filters.
+
+    Warns as well where temporal reuse is asked for and the sensor cannot have it.
 
     Raises
     ------
@@ -160,4 +163,10 @@ def check_sensor(sensor: mi.Sensor) -> None:
             "restir_pt: the film's reconstruction filter is not 'box'; a wider filter correlates "
             "pixels and defeats denoisers",
             stacklevel=4,
+        )
+    if temporal and name not in REPROJECTABLE:
+        warnings.warn(
+            f"restir_pt: {name} cannot be re-projected; rendering without temporal reuse "
+            "(use perspective or thinlens to have it)",
+            stacklevel=5,
         )

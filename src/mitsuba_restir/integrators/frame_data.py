@@ -56,7 +56,7 @@ class Setting:
     first random numbers; None without).
     """
 
-    scene: mi.Scene
+    scene: mi.Scene | None
     spectra: Spectra | None
     now: Primary
     key: FrameKey
@@ -182,6 +182,11 @@ class Rounds:
     def known(self) -> list[Round]:
         """What selection chooses from."""
         return [Round(*each) for each in zip(self.colors, self.estimators, strict=True)]
+
+    @property
+    def ends(self) -> Rounds:
+        """Without what only selection needs."""
+        return Rounds([*self.colors[:1], *self.colors[1:][-1:]], [], self.outcomes)
 
 
 def after_round(rounds: Rounds, shared: Shared) -> Rounds:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import warnings
 from dataclasses import replace
 from typing import Any, NoReturn, SupportsIndex
 
@@ -87,7 +86,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         self._variant = check_variant()
         super().__init__(props)
         self.parameters = read_parameters(props)
-        self.keeps_rounds = False  # in ``frame.rounds``; to be said before the first frame
+        self._keeps_rounds = False
         self._scene: mi.Scene | None = None
         self._shape: tuple[str, int, int] | None = None
         self._plan: Plan
@@ -173,6 +172,12 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
         """
         self._change = change
 
+    def keep_rounds(self) -> None:
+        """Begin anew, and have ``frame.rounds`` hold what selection chooses from."""
+        with frame_alone():
+            self._keeps_rounds = True
+            self._shape = None
+
     def aov_names(self) -> list[str]:
         """Names of the auxiliary channels, in film order."""
         return [
@@ -242,28 +247,23 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
 
     def prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
         """Check the inputs and start a new history where the old one does not fit."""
-        self._dropped = None
-        width, height = sensor.film().crop_size()
-        shape = (sensor.class_name(), width, height)
-        if scene is not self._scene or shape != self._shape:
-            self._plan_frames(scene, sensor, shape)
-        elif edit := self._watch.look(thorough=self._history is None):
-            self._follow(scene, edit)
-        if self._history is None:
-            self._history = no_history(scene, sensor, self._plan)
-            self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
+        with frame_alone():
+            self._dropped = None
+            width, height = sensor.film().crop_size()
+            shape = (sensor.class_name(), width, height)
+            if scene is not self._scene or shape != self._shape:
+                self._plan_frames(scene, sensor, shape)
+            elif edit := self._watch.look(thorough=self._history is None):
+                self._follow(scene, edit)
+            if self._history is None:
+                self._history = no_history(scene, sensor, self._plan)
+                self._camera = copy_camera(sensor) if shape[0] in REPROJECTABLE else None
 
     def _plan_frames(self, scene: mi.Scene, sensor: mi.Sensor, shape: tuple[str, int, int]) -> None:
         """Check a new scene or sensor and prepare to render its frames."""
         check_scene(scene)
-        check_sensor(sensor)
         parameters = self.parameters
-        if parameters.temporal and shape[0] not in REPROJECTABLE:
-            warnings.warn(
-                f"restir_pt: {shape[0]} cannot be re-projected; rendering without temporal reuse "
-                "(use perspective or thinlens to have it)",
-                stacklevel=4,
-            )
+        check_sensor(sensor, parameters.temporal)
         self.reset()
         self._scene, self._shape = scene, shape
         self._watch = SceneWatch(scene)
@@ -275,7 +275,7 @@ class ReSTIRPTIntegrator(mi.CppADIntegrator):
     def _record_stages(self, scene: mi.Scene) -> None:
         """Plan the frames of a history in the scene as it is."""
         assert self._shape is not None
-        self._plan = plan_of(self.parameters, scene, self._shape[1:], self.keeps_rounds)
+        self._plan = plan_of(self.parameters, scene, self._shape[1:], self._keeps_rounds)
         self._stages = Stages(self._plan)
 
     def _follow(self, scene: mi.Scene, edit: Edit) -> None:

@@ -53,6 +53,7 @@ class Stages:
         self._images = bool(parameters.images)
         self._changes = parameters.mutates or self._images
         self._feedback = parameters.spatial_feedback
+        self._selects = parameters.selects
         self._keeps = plan.keeps_rounds
         self._meet = Stage(meet_surfaces, plan)
         self._sample = Stage(sample_paths, plan)
@@ -135,7 +136,9 @@ class Stages:
                 kept = reservoirs
         # To replay a stage goes through all that it is given, and only images look at the scene.
         seen = setting if self._images else replace(setting, scene=None)
-        frame = self._show(seen, sampled, changed, rounds, (reservoirs, kept))
+        # And what it is given has copies while it is recorded or replayed.
+        chosen_from = rounds if self._selects else rounds.ends
+        frame = self._show(seen, sampled, changed, chosen_from, (reservoirs, kept))
         return replace(frame, rounds=rounds.known) if self._keeps else frame
 
     def forget(self) -> None:

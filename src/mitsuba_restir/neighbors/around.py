@@ -108,6 +108,26 @@ def similar_further(grid: Grid, alike: mi.UInt32, step: int = 1) -> mi.UInt32:
     return bits
 
 
+def among(grid: Grid, alike: mi.UInt32, usable: mi.Bool) -> mi.UInt32:
+    """Without the pixels that are not usable: they count for no other, and no other for them.
+
+    Parameters
+    ----------
+    alike : UInt32
+        Result of :func:`similar_neighbors`.
+    usable : Bool
+        Of all pixels.
+    """
+    dr.eval(usable)
+    pixel = grid.pixels()
+    bits = mi.UInt32(0)
+    for i, offset in enumerate(OFFSETS):
+        both = usable & counts(alike, i)
+        both &= dr.gather(mi.Bool, usable, grid.beside(pixel, offset), both)
+        bits |= dr.select(both, mi.UInt32(1 << i), 0)
+    return bits
+
+
 def counts(alike: mi.UInt32, neighbor: int) -> mi.Bool:
     """Whether the neighbour of this number counts, by the bits of :func:`similar_neighbors`."""
     return (alike & (1 << neighbor)) != 0

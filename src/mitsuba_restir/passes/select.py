@@ -113,12 +113,20 @@ def select(
 def as_bright(shown: mi.Color3f, mean: mi.Color3f) -> mi.Color3f:
     """What is shown, times the factor (of each channel) that gives it the mean of the plain frame.
 
+    The factor is held within :data:`UNLIKE` of one, and pixels that are not finite have no part in
+    it.
+
     Parameters
     ----------
     shown, mean : Color3f
         Of all pixels: what selection has chosen, and the plain averages.
     """
-    factors = [dr.sum(plain) / dr.sum(chosen) for plain, chosen in zip(mean, shown, strict=True)]
+
+    def factor(plain: mi.Float, chosen: mi.Float) -> mi.Float:
+        usable = dr.isfinite(plain) & dr.isfinite(chosen)
+        return dr.sum(dr.select(usable, plain, 0)) / dr.sum(dr.select(usable, chosen, 0))
+
+    factors = [factor(plain, chosen) for plain, chosen in zip(mean, shown, strict=True)]
     bounded = (dr.clip(factor, 1 - UNLIKE, 1 + UNLIKE) for factor in factors)
     usable = zip(factors, bounded, strict=True)
     return shown * mi.Color3f(*(dr.select(dr.isfinite(f), b, 1) for f, b in usable))

@@ -4,11 +4,12 @@ With M the mean of n frames, L its luminance and v the variance of L (of the fra
 frame, that of L over similar pixels), local means of v tell how much of a difference between pixels
 may be noise. Three passes, h = 1, 2 and 4 pixels apart, each go from A (at first M) to
 
-    A' = Σ w_q A_q / Σ w_q,    w_q = exp(-(g_p - g_q)² / (9 v_h)) exp(-(L_p - L_q)² / (25 v)),
+    A' = Σ w_q A_q / Σ w_q,    w_q = exp(-(g_p - g_q)² / (9 v_h)) exp(-(l_p - l_q)² / (25 v)),
 
-over similar pixels q: two pixels differ if their surroundings do (g, in the first pass the local
-mean of L, with v_h = v / 6; later L itself, with v), or they themselves by much more. A histogram
-of frames with heavy tails is no obstacle, as it is for weights of brightness alone.
+over similar pixels q, with l the luminance of A: in the first pass two pixels differ if their
+surroundings do (g is the local mean of l, v_h = v / 6), or they themselves by much more; later,
+when l knows its surroundings, g is l and v_h is v, and both factors are of one difference. A
+histogram of frames with heavy tails is no obstacle, as it is for weights of brightness alone.
 
 What smoothing took that was no noise shows in local means: where D = mean(L(M) - L(A')) is larger
 than noise makes it, with the mean of 21 pixels that know as much as 13 independent ones,
@@ -18,13 +19,9 @@ than noise makes it, with the mean of 21 pixels that know as much as 13 independ
 u the mean of the pixels' standard errors (for one frame, u² = v): one bright pixel has most of v,
 and would excuse what is taken from all around it.
 
-Error of A in .06-.17 cycles per pixel over that of M (power), of 1, 4 and 16 frames, two stills
-each of plan ``rounds``: ceiling view of Veach Ajar at 320x180 0.29, 0.31, 0.28, its whole view
-0.76, 0.80, 0.88, ``ajar`` at 160x90 1.31, 1.14, 0.98; with v in the place of u² 0.29, 0.11,
-0.12, then 0.76, 0.77, 0.95 and 1.31, 2.28, 1.95. Bilateral means by brightness alone, as
-selection smooths its history, but three passes: 0.27, 0.12, 0.05 and 0.67, 0.84, 1.62; on
-frames of one tree, 3 neighbours and one round in the ceiling view 1.05, 0.93, 0.70, where these
-are 0.05, 0.24, 0.14.
+With v in the place of u² more is smoothed, and what previews gain where light is smooth is lost
+where it is not; bilateral means by brightness alone do nothing for frames of one tree. What is
+gained by this aim is in docs/blue_noise.md, with the command that measures it.
 """
 
 from __future__ import annotations
@@ -61,7 +58,8 @@ def aim(
     frames : Float
         How many there are (opaque).
     alike : UInt32
-        Result of :func:`mitsuba_restir.neighbors.around.similar_neighbors`.
+        Result of :func:`mitsuba_restir.neighbors.around.similar_neighbors`, without the pixels
+        whose mean or standard error is not finite: they would spread.
     """
     further = similar_further(grid, alike)
     dr.eval(further)

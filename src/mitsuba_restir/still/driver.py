@@ -11,6 +11,7 @@ import numpy as np
 
 from ..analysis import denoise as denoiser
 from ..integrators.images import images_of
+from ..integrators.recording import frame_alone
 from .frames import Frames, Subject, check_parameters
 from .goal import Goal, goal_of
 from .growth import Growth
@@ -87,7 +88,8 @@ def render(
     aovs = dict(images_of(str(parameters.pop("aovs", ""))))
     check_parameters(parameters)
     if not isinstance(sensor, mi.Sensor):
-        sensor = scene.sensors()[sensor or 0]
+        with frame_alone():
+            sensor = scene.sensors()[sensor or 0]
     subject = Subject(
         scene, sensor, seed, {"max_depth": max_depth, **parameters}, aovs, guides=denoise
     )
@@ -117,7 +119,7 @@ def begun(subject: Subject, plan: Plan | None, goal: Goal, elapsed: Callable[[],
 
 def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Growth:
     """With the plan that a pilot finds; its frames share nothing with the picture's but kernels."""
-    apart = replace(subject, seed=_other_seed(subject.seed), previewed=None)
+    apart = replace(subject, seed=_other_seed(subject.seed))
     tried: dict[str, Frames] = {}
 
     def begin(plan: Plan) -> Render:
@@ -126,7 +128,7 @@ def _piloted(subject: Subject, goal: Goal, elapsed: Callable[[], float]) -> Grow
 
     choice = pilot(begin, goal, DENOISED if subject.guides else RAW)
     frames = tried.get(choice.plan.name)
-    if frames is None or subject.previewed is not None:
+    if frames is None:
         frames = Frames(subject, choice.plan)
     frames.restart(subject.seed)
     return Growth(frames, choice.why, elapsed)

@@ -16,6 +16,7 @@ from ..errors import one_line
 from ..integrators.declaration import Value
 from ..integrators.images import asking_for
 from ..integrators.parameters import PARAMETERS
+from ..integrators.recording import frame_alone
 from ..integrators.state import State, unpacked
 from .accumulate import Layout, Size
 from .plan import MIXED, PLANNED, Plan
@@ -67,7 +68,8 @@ class Subject:
     @property
     def lit(self) -> bool:
         """Whether there is any light in the scene."""
-        return bool(self.scene.emitters())
+        with frame_alone():
+            return bool(self.scene.emitters())
 
     def planned(self, plan: Plan) -> Plan:
         """The plan with the parameters that are set whatever it says."""
@@ -154,11 +156,9 @@ class Frames:
                 "aovs": asking_for(wanted),
             }
         )
-        width, height = subject.sensor.film().crop_size()
-        self.size: Size = (int(height), int(width))
+        self.size, first = _film_of(subject.sensor)
         self.lit = subject.lit
         names = self._integrator.aov_names()
-        first = _colours(subject.sensor.film())
         places = {
             name: [first + i for i, full in enumerate(names) if full.rpartition(".")[0] == name]
             for name in wanted
@@ -180,18 +180,18 @@ class Frames:
         self._preview: Preview | None = None
         if subject.previewed is not None and self.plan.mixes:
             self._preview = Preview(Steering(self.layout, self.size, subject.previewed))
-            self._integrator.keeps_rounds = True
+            self._integrator.keep_rounds()
 
     def preview(self) -> Preview | None:
         """A new preview of a still of these frames; None where there is nothing to choose from."""
-        if self._preview is not None:
-            self._preview.restart()
-        return self._preview
+        return None if self._preview is None else self._preview.another()
 
     def estimated(self) -> Estimated:
-        """What the last frame has left to choose from, where there is a preview."""
+        """What the last frame has left to choose from, where there is a preview; given once."""
         frame = self._integrator.frame
-        return Estimated(frame.history.hits, frame.rounds)
+        # Most of what a frame leaves: kept, it would count at the next frame's peak.
+        rounds, frame.rounds = frame.rounds, []
+        return Estimated(frame.history.hits, rounds)
 
     def restart(self, seed: int) -> None:
         """From the first frame on, with nothing learnt, and by another seed."""
@@ -206,6 +206,7 @@ class Frames:
         """Luminances of the next frame's estimates, (K, H, W), with so many trees a pixel."""
         layout, (height, width) = self.layout, self.size
         film = np.array(self._film(spp), dtype=np.float64).reshape(height, width, layout.channels)
+        self.estimated()  # lets go of it
         return np.stack([channels_luminance(film[..., list(place)]) for place in layout.estimates])
 
     def _film(self, spp: int) -> mi.Float:
@@ -238,10 +239,13 @@ def _integrator(parameters: Mapping[str, Value]) -> Any:
         raise ValueError(one_line(error)) from error
 
 
-def _colours(film: mi.Film) -> int:
-    """How many channels of a developed film come before the auxiliary ones."""
-    film.prepare([])
-    count = int(film.develop().shape[2])
+def _film_of(sensor: mi.Sensor) -> tuple[Size, int]:
+    """Its size, and how many channels it has before the auxiliary ones."""
+    with frame_alone():
+        film = sensor.film()
+        width, height = film.crop_size()
+        film.prepare([])
+        count = int(film.develop().shape[2])
     if count < 3 and "mono" not in mi.variant():
         raise ValueError("the film has no colour: give it pixel_format 'rgb'")
-    return count
+    return (int(height), int(width)), count

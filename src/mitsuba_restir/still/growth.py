@@ -115,6 +115,16 @@ class Growth:
         self.snapshot = snapshot or nothing(source)
         self._preview = source.preview()
 
+    def steer(self, wanted: bool) -> None:
+        """From the next frame on, have what is shown steered where that is possible, or no longer.
+
+        It takes time, and is wanted to begin with. A new preview begins with the mean.
+        """
+        if not wanted:
+            self._preview = None
+        elif self._preview is None:
+            self._preview = self.source.preview()
+
     def grow(self, goal: Goal) -> Iterator[Progress]:
         """
         Render frames until the goal is reached.
@@ -132,6 +142,11 @@ class Growth:
             self.snapshot = self._next()
             pace = self.elapsed() - begin
             yield self._progress(goal, pace)
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether there is a frame, or none is needed, since the picture is black."""
+        return bool(self.snapshot.frames) or not self.source.lit
 
     def picture(self) -> Image:
         """The mean of the frames so far, (H, W, 3)."""
@@ -184,8 +199,8 @@ class Growth:
         sums = accumulate.add(source.layout, now.sums, now.weights, image, count)
         if self._preview is not None:
             moments, before = sums.picture, now.sums.picture.mean
-            added = Added(image, now.weights, moments.mean, moments.products, before, count)
-            self._preview.add(source.estimated(), added)
+            added = Added(image, now.weights, moments.mean, moments.products, count)
+            self._preview.add(source.estimated(), added, before)
         dr.sync_thread()
         weights, known, decided = now.weights, now.known, now.decided
         if decides(frames):

@@ -25,11 +25,13 @@ all that there is against an error of s / sqrt(n), and the gain would fade as 1 
 The choice depends on the values chosen from: P_n is biased, pixel against pixel, and its mean is
 made that of M_n (:func:`mitsuba_restir.passes.select.as_bright`). It goes nowhere but to a screen:
 neither the sums of the still nor its weights, checkpoint and frames know of it. Pixels whose mean
-is not finite show that, and around them what was shown before goes on with plain frames.
+is not finite (or beyond 1e19, where its square is not) show what they have, unsteered, and count
+for no other pixel: neither as what it is aimed at nor as error beside it.
 """
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -37,10 +39,11 @@ import mitsuba as mi
 
 from ..imageio import Image
 from ..integrators.recording import Stage, collection_paused, frame_alone
-from ..neighbors.around import similar_neighbors
+from ..neighbors.around import among, similar_neighbors
 from ..passes.select import Aim, as_bright, choose
 from ..paths.grid import Grid, grid_of
 from ..paths.primary_hit import PrimaryHit
+from ..paths.spectrum import target
 from ..resampling.pairwise import PairEstimators
 from ..resampling.subsets import Round
 from ..sampling.streams import FrameKey
@@ -89,15 +92,13 @@ class Added:
     """A frame that was added to a still.
 
     Fields: ``image`` (its film), ``weights`` (of its estimates), ``picture`` and ``products`` (what
-    the picture's sums are with it), ``before`` (what the mean was), ``frames`` (how many there are
-    with it; opaque).
+    the picture's sums are with it), ``frames`` (how many there are with it; opaque).
     """
 
     image: mi.Float
     weights: list[mi.Float]
     picture: list[mi.Float]
     products: list[mi.Float]
-    before: list[mi.Float]
     frames: mi.Float
 
 
@@ -112,27 +113,39 @@ class Preview:
 
     def __init__(self, steering: Steering) -> None:
         self._steering = steering
-        self._steer = Stage(_steered, steering)
+        # Two: what is recorded keeps all that it calculates until its end.
+        self._aim = Stage(_aimed, steering)
+        self._choose = Stage(_chosen, steering)
         self._bright = Stage(_bright, steering)
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin with another still, of frames with the same channels."""
         self._shown: mi.Color3f | None = None
 
-    def add(self, estimated: Estimated, added: Added) -> None:
-        """Choose what is shown of the frame that was added last."""
+    def another(self) -> Preview:
+        """One of another still, of frames with the same channels; with what is recorded."""
+        result = copy.copy(self)
+        result._shown = None
+        return result
+
+    def add(self, estimated: Estimated, added: Added, mean: list[mi.Float]) -> None:
+        """
+        Choose what is shown of the frame that was added last.
+
+        Parameters
+        ----------
+        mean : list of Float
+            What the picture's mean was before.
+        """
         with frame_alone(), collection_paused():
             before = self._shown
             if before is None:
                 # It may begin anywhere in a still, with the mean.
-                before = mi.Color3f(*_by_pixels(self._steering.grid, added.before))
+                before = mi.Color3f(*_by_pixels(self._steering.grid, mean))
                 dr.eval(before)
             # As arrays of Dr.Jit's own: how NumPy's are aligned differs, and is recorded.
             weights = [weight + dr.opaque(mi.Float, 0) for weight in added.weights]
             dr.eval(weights)
             added = replace(added, weights=weights)
-            self._shown = self._steer(estimated, added, before)
+            aimed = self._aim(estimated.hits, added, before)
+            self._shown = self._choose(estimated.rounds, added, before, aimed)
 
     def picture(self, sums: Sums) -> Image:
         """What is shown, (H, W, 3): the mean, as long as nothing was added."""
@@ -143,16 +156,11 @@ class Preview:
         return image_of(list(shown), self._steering.size)
 
 
-def _steered(
-    steering: Steering, estimated: Estimated, added: Added, before: mi.Color3f
-) -> mi.Color3f:
-    """P_n, by pixels of the grid, from P_{n-1}."""
-    grid, layout, frames = steering.grid, steering.layout, added.frames
-    newest = mixed(added.weights, estimates_of(layout, added.image))
-    newest = mi.Color3f(*_by_pixels(grid, list(newest)))
-    share = mi.Float(1)
-    if added.weights:
-        (share,) = _by_pixels(grid, added.weights[-1:])
+def _aimed(
+    steering: Steering, hits: PrimaryHit, added: Added, before: mi.Color3f
+) -> tuple[mi.Color3f, mi.UInt32]:
+    """What to come near to, and which neighbours count."""
+    grid, frames = steering.grid, added.frames
     mean = mi.Color3f(*_by_pixels(grid, added.picture))
     deviation = mi.Color3f(
         *(
@@ -160,28 +168,50 @@ def _steered(
             for square in _by_pixels(grid, added.products)
         )
     )
-    alike = similar_neighbors(grid, estimated.hits)
-    dr.eval(newest, share, mean, deviation, alike)
-    last = estimated.rounds[-1].mean
-    # Rounding may leave it below zero.
-    rest = dr.maximum(newest - share * last, 0)
+    dr.eval(mean, deviation)
+    # Squares, which are what the aim is made of, may be infinite where values are not.
+    usable = mi.Bool(True)
+    for color in (before, mean, deviation):
+        usable &= dr.isfinite(dr.square(target(color)))
+    alike = among(grid, similar_neighbors(grid, hits), usable)
+    dr.eval(alike)
+    return aim(grid, mean, deviation, frames, alike), alike
+
+
+def _chosen(
+    steering: Steering,
+    known: list[Round],
+    added: Added,
+    before: mi.Color3f,
+    aimed: tuple[mi.Color3f, mi.UInt32],
+) -> mi.Color3f:
+    """P_n, by pixels of the grid, from P_{n-1}."""
+    grid, frames = steering.grid, added.frames
+    newest = mixed(added.weights, estimates_of(steering.layout, added.image))
+    newest = mi.Color3f(*_by_pixels(grid, list(newest)))
+    share = mi.Float(1)
+    if added.weights:
+        (share,) = _by_pixels(grid, added.weights[-1:])
+    dr.eval(newest, share)
+    rest = newest - share * known[-1].mean
+    # Rounding may leave it below zero. What is not a number stays so: maxima differ in that.
+    rest = dr.select(rest < 0, 0, rest)
 
     def in_mean(color: mi.Color3f) -> mi.Color3f:
         return before + (rest + share * color - before) / frames
 
     rounds = [
         Round(
-            in_mean(known.mean),
-            PairEstimators([in_mean(c) for c in known.estimators.colors], known.estimators.valid),
+            in_mean(each.mean),
+            PairEstimators([in_mean(c) for c in each.estimators.colors], each.estimators.valid),
         )
-        for known in estimated.rounds
+        for each in known
     ]
     rounds[-1].mean = before + (newest - before) / frames
     dr.eval(rounds)
-    reference = aim(grid, mean, deviation, frames, alike)
     # The seed only draws in which order pixels choose.
     key = FrameKey(mi.UInt32(frames), dr.opaque(mi.UInt32, 0))
-    return choose(grid, key, rounds, Aim(reference, alike, steering.sigma))
+    return choose(grid, key, rounds, Aim(*aimed, steering.sigma))
 
 
 def _bright(steering: Steering, shown: mi.Color3f, picture: list[mi.Float]) -> mi.Color3f:

@@ -12,7 +12,7 @@ from typing import Any
 from . import encode, pace, views
 from .camera import Pose
 from .exchange import Plots, Published, Task
-from .model import Settings
+from .model import COLOUR, Settings
 from .pace import Pace
 from .reference import Reference, relmse, spectrum
 from .renderer import RECORDED, Renderer, Shot
@@ -180,7 +180,7 @@ class Director:
         elif resting.pose != task.pose:
             resting.restart(task.pose)
             self._announce("accumulating")
-        progress = resting.advance()
+        progress = resting.advance(steered=side.view == COLOUR)
         self._finished = progress is None
         if progress is not None and not self._is_due(progress.frames, task.settings):
             return None
@@ -193,13 +193,16 @@ class Director:
         still = resting.still(denoise=side.view == "denoised")
         self._rested, self._drawn_as = self._clock(), task.settings
         reference = self._reference_of(resting.pose, self._renderer.full)
-        image = resting.shown() if still.denoised is None else still.denoised
+        exposure = task.settings.exposure
         if side.view == "error":
             if reference is None:
                 raise ValueError(VIEWS["error"].missing(side, None))
-            drawn = views.error(image, reference)
+            drawn = views.error(still.image, reference)
+        elif still.denoised is not None:
+            drawn = views.colour(still.denoised, exposure)
         else:
-            drawn = views.colour(image, task.settings.exposure)
+            # A preview is for the eye; what is measured is the mean, as the stated error is.
+            drawn = replace(views.colour(resting.shown(), exposure), image=still.image)
         self._plot([drawn], reference, self.plots.passes)
         facts = {
             "state": "frozen" if task.settings.frozen else "still",

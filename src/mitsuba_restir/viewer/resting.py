@@ -63,8 +63,9 @@ class Resting:
         self._frames.restart(self._renderer.seed)
         self._begin()
 
-    def advance(self) -> Progress | None:
-        """One more frame; None where the still is good enough."""
+    def advance(self, steered: bool) -> Progress | None:
+        """One more frame, steered where a preview is asked for; None where it is good enough."""
+        self._growth.steer(steered)
         self._renderer.place(self.pose, self._renderer.full)
         return next(self._progress, None)
 
