@@ -187,6 +187,22 @@ def test_a_study_has_the_keys_of_its_base(study: Study, tmp_path: Path) -> None:
     assert "base =" not in dump_study(child).decode()
 
 
+def test_what_is_seen_of_a_scene_is_not_what_is_seen_of_another(tmp_path: Path) -> None:
+    view = "[view]\nfov = 60\norigin = [1, 2, 3]\ntarget = [0, 0, 0]\n"
+    (tmp_path / "near.toml").write_text(f"crop = [0, 0, 0.5, 0.5]\n{STUDY}\n{view}")
+    for scene in ("", 'scene = "ajar"\n', 'scene = "cornell"\n'):
+        (tmp_path / "child.toml").write_text(f'name = "child"\nbase = "near.toml"\n{scene}')
+        child = load_study(str(tmp_path / "child.toml"))
+        assert (child.view is None) == (child.crop is None) == bool(scene)
+    (tmp_path / "child.toml").write_text(f'base = "near.toml"\nscene = "cornell"\n{view}')
+    assert load_study(str(tmp_path / "child.toml")).view is not None
+
+
+@pytest.mark.parametrize("name", [n for n in packaged_studies() if n.endswith("_whole")])
+def test_whole_views_are_the_scenes_own(name: str) -> None:
+    assert load_study(name).view is None
+
+
 @pytest.mark.parametrize(
     ("base", "message"),
     [

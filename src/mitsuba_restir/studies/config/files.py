@@ -22,6 +22,9 @@ else:
 
 _EXPERIMENTS = resources.files("mitsuba_restir.studies") / "experiments"
 
+OF_A_SCENE = ("view", "crop")
+"""Keys that say what is seen of a scene, and mean nothing in another one."""
+
 
 def packaged_studies() -> list[str]:
     """Return the names of the studies that come with the package."""
@@ -40,7 +43,8 @@ def load_study(
     ----------
     source : str
         Path of a TOML file, or name of a packaged study. A key ``base`` names another study, whose
-        keys it has where it does not give them itself: a file beside it, or a packaged one.
+        keys it has where it does not give them itself: a file beside it, or a packaged one. Where
+        it names a scene, its base's ``view`` and ``crop`` are none of its own.
     changes : sequence of str
         ``key=value`` with a TOML value (or plain text), applied on top; dots enter tables, as in
         ``variants.restir.spp=4``.
@@ -77,7 +81,10 @@ def _table(source: str, descendants: tuple[str, ...] = ()) -> dict[str, Any]:
     family = (*descendants, source)
     if found in family:
         raise UsageError(f"{source}: base = '{base}' leads back to itself")
-    return {**_table(found, family), **table}
+    inherited = _table(found, family)
+    if "scene" in table:
+        inherited = {key: inherited[key] for key in inherited if key not in OF_A_SCENE}
+    return {**inherited, **table}
 
 
 def _text(source: str) -> str:
