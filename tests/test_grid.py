@@ -25,6 +25,13 @@ def test_places_and_indices_are_each_others_inverse(size: tuple[int, int]) -> No
     assert np.array_equal(np.array(grid.index(x, y)), np.arange(size[0] * size[1]))
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_rows_and_pixels_are_each_others_inverse(size: tuple[int, int]) -> None:
+    grid = grid_of(*size)
+    there = dr.gather(mi.UInt32, grid.by_rows(), grid.by_pixels())
+    assert np.array_equal(np.array(there), np.arange(size[0] * size[1]))
+
+
 @pytest.mark.parametrize("size", [(5, 6), (37, 23)])
 def test_a_look_beyond_the_border_stays(size: tuple[int, int]) -> None:
     grid = grid_of(*size)

@@ -7,7 +7,6 @@ independent: thousands of frames' worth of pixels at little cost. Bounds of the 
 
 from __future__ import annotations
 
-import gc
 import itertools
 from dataclasses import dataclass, fields, replace
 
@@ -16,9 +15,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
-from support import rooms
 from support.mutants import Mutation, apply
 from support.pixels import image_of, lanes_of, order
+from support.wall import HEIGHT, WIDTH, color, hits_of
 
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
 from mitsuba_restir.neighbors import color_history
@@ -33,7 +32,6 @@ from mitsuba_restir.neighbors.color_history import ColorHistory, no_color_histor
 from mitsuba_restir.neighbors.reproject import Motion
 from mitsuba_restir.neighbors.similarity import similar
 from mitsuba_restir.passes import select
-from mitsuba_restir.passes.primary import camera_rays, primary
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
 from mitsuba_restir.resampling.subsets import Round, candidates
@@ -42,7 +40,6 @@ from mitsuba_restir.shifts.scope import Scope
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-WIDTH, HEIGHT = 96, 64
 SIZE = (WIDTH, HEIGHT)
 PAIRS = 3
 SIGMA = 1.0
@@ -60,29 +57,6 @@ NOWHERE = Scope(*[None] * len(fields(Scope)))
 # --------------------------------- made-up frames -------------------------------------------------
 
 
-def hits_of(*shapes):
-    """Primary hits of a camera that looks at the wall z = 0 and what is in front of it."""
-    gc.collect()  # a scene that vanishes while a frame is recorded breaks the record
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "wall": {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale([10, 10, 1])},
-            **{f"shape_{i}": shape for i, shape in enumerate(shapes)},
-            "sensor": {
-                "type": "perspective",
-                "fov": 50,
-                "to_world": rooms.look([0, 0, 4], [0, 0, 0]),
-                "film": {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT},
-            },
-        }
-    )
-    hits = primary(
-        scene, camera_rays(scene.sensors()[0], grid_of(*SIZE), key(0, 0)), None, False, False
-    ).hit
-    dr.make_opaque(hits)
-    return hits, scene
-
-
 @pytest.fixture
 def wall(rgb):
     hits, scene = hits_of()
@@ -97,15 +71,6 @@ def edges(rgb):
     hits, scene = hits_of({"type": "rectangle", "to_world": place})
     yield hits
     del scene
-
-
-def color(values):
-    """``Color3f`` on the device from an array that broadcasts to (3, HEIGHT, WIDTH)."""
-    values = lanes_of(np.broadcast_to(values, (3, HEIGHT, WIDTH)).astype(np.float32))
-    # The sum makes arrays of Dr.Jit's own; how NumPy's are aligned differs from call to call.
-    result = mi.Color3f([mi.Float(channel.copy()) for channel in values]) + dr.opaque(mi.Float, 0)
-    dr.eval(result)
-    return result
 
 
 def image(values):

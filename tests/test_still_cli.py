@@ -335,6 +335,20 @@ class Listener(threading.Thread):
                 (size,) = struct.unpack("<I", head)
                 self.packets.append(stream.read(size - 4))
 
+    @property
+    def pictures(self) -> list[np.ndarray]:
+        """What was shown: packets, but for the first, end with pixels, 9 rows of 16 of RGB."""
+        return [
+            np.frombuffer(packet[-9 * 16 * 3 * 4 :], "<f4").reshape(9, 16, 3)
+            for packet in self.packets[1:]
+        ]
+
+
+def rgb_of(file: str) -> np.ndarray:
+    """The colours of an EXR, (H, W, 3)."""
+    written = channels(file)
+    return np.stack([written[name] for name in "RGB"], axis=-1)
+
 
 CREATE, UPDATE = 4, 6
 
@@ -352,10 +366,7 @@ def test_tev_is_sent_the_growing_picture(folder, capsys):
     assert set(kinds[1:]) == {UPDATE}
     assert listener.packets[0][2:4] == b"a\0"
     assert struct.unpack("<iii", listener.packets[0][4:16]) == (16, 9, 3)
-    # The last packet ends with the pixels of the finished picture, 9 rows of 16 of RGB.
-    pixels = np.frombuffer(listener.packets[-1][-9 * 16 * 3 * 4 :], "<f4").reshape(9, 16, 3)
-    written = channels("a.exr")
-    np.testing.assert_array_equal(pixels, np.stack([written[name] for name in "RGB"], axis=-1))
+    np.testing.assert_array_equal(listener.pictures[-1], rgb_of("a.exr"))
 
 
 def test_tev_is_sent_previews_and_at_last_what_is_written(folder, monkeypatch):
@@ -370,9 +381,7 @@ def test_tev_is_sent_previews_and_at_last_what_is_written(folder, monkeypatch):
     assert cli.main([*TINY, *words]) == 0
     listener.join(10)
     assert_same("plain.exr", "a.exr")
-    shown = [np.frombuffer(p[-9 * 16 * 3 * 4 :], "<f4") for p in listener.packets[1:]]
-    written = channels("a.exr")
-    picture = np.stack([written[name] for name in "RGB"], axis=-1).ravel()
+    shown, picture = listener.pictures, rgb_of("a.exr")
     assert len(shown) == 5
     np.testing.assert_array_equal(shown[-1], picture)
     assert (shown[-2] != picture).any()
@@ -430,9 +439,7 @@ def test_tev_is_left_with_what_is_written_when_interrupted(folder, monkeypatch):
     asked = ["--frames", "9", "--tev", place, "-p", "blue_noise=selection"]
     assert cli.main([*TINY, *asked]) == 130
     listener.join(10)
-    shown = [np.frombuffer(p[-9 * 16 * 3 * 4 :], "<f4") for p in listener.packets[1:]]
-    written = channels("a.exr")
-    picture = np.stack([written[name] for name in "RGB"], axis=-1).ravel()
+    shown, picture = listener.pictures, rgb_of("a.exr")
     assert len(shown) == 3
     assert (shown[-2] != picture).any()
     np.testing.assert_array_equal(shown[-1], picture)

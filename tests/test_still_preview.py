@@ -15,16 +15,14 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
-from support import references, rooms
-from support.pixels import lanes_of
+from support import references
+from support.wall import HEIGHT, WIDTH, color, hits_of
 
 from mitsuba_restir import scenes
 from mitsuba_restir.analysis.spectrum import TABLE_BANDS, band_power, power_spectrum
-from mitsuba_restir.passes.primary import camera_rays, primary
 from mitsuba_restir.paths.grid import grid_of
 from mitsuba_restir.resampling.pairwise import PairEstimators
 from mitsuba_restir.resampling.subsets import Round
-from mitsuba_restir.sampling.streams import FrameKey
 from mitsuba_restir.still import accumulate, checkpoint, driver, growth, preview
 from mitsuba_restir.still.accumulate import Layout
 from mitsuba_restir.still.frames import Frames, Subject, previewed
@@ -35,7 +33,6 @@ from mitsuba_restir.still.plan import Plan
 from mitsuba_restir.still.preview import Added, Estimated, Preview, Steering
 
 SIGMA = 0.8
-WIDTH, HEIGHT = 96, 64
 PAIRS = 3
 COUNTS = (1, 4, 16)
 CHAINS = 4
@@ -49,32 +46,9 @@ MIXED = Plan("mixed", 1, {"spatial_rounds": 2, "spatial_radius": 8.0})
 
 @pytest.fixture
 def wall(rgb) -> Iterator[Any]:
-    gc.collect()  # a scene that vanishes while a frame is recorded breaks the record
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "wall": {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale([10, 10, 1])},
-            "sensor": {
-                "type": "perspective",
-                "fov": 50,
-                "to_world": rooms.look([0, 0, 4], [0, 0, 0]),
-                "film": {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT},
-            },
-        }
-    )
-    key = FrameKey(dr.opaque(mi.UInt32, 0), dr.opaque(mi.UInt32, 0))
-    rays = camera_rays(scene.sensors()[0], grid_of(WIDTH, HEIGHT), key)
-    hits = primary(scene, rays, None, False, False).hit
-    dr.make_opaque(hits)
+    hits, scene = hits_of()
     yield hits
     del scene
-
-
-def color(values: np.ndarray) -> mi.Color3f:
-    """``Color3f`` of (HEIGHT, WIDTH) grey values, by pixels of the grid."""
-    grey = mi.Float(lanes_of(values.astype(np.float32)).copy()) + dr.opaque(mi.Float, 0)
-    dr.eval(grey)
-    return mi.Color3f(grey)
 
 
 @dataclass
@@ -224,14 +198,20 @@ def test_it_is_a_mean_of_the_frames_estimates(wall):
     assert (shown <= high / 4 + tolerance).all()
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_pixel_that_is_not_finite_is_shown_and_no_other(wall, value):
-    rng, still = np.random.default_rng(4), made(wall)
-    for frame in range(5):
-        values = drawn(rng, 0.15, 1.0)
-        if frame == 1:
+def made_with(hits: Any, value: float, light: list[tuple[float, float]], at: int) -> Made:
+    """Frames of such light (see `drawn`); in one of them a pixel has this value."""
+    rng, still = np.random.default_rng(4), made(hits)
+    for frame, (lit, shape) in enumerate(light):
+        values = drawn(rng, lit, shape)
+        if frame == at:
             values[:, 20, 30] = value
         still.add(values)
+    return still
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_pixel_that_is_not_finite_is_shown_and_no_other(wall, value):
+    still = made_with(wall, value, [(0.15, 1.0)] * 5, at=1)
     lost = ~np.isfinite(still.shown).all(axis=2)
     assert lost[20, 30]
     assert lost.sum() == 1
@@ -246,12 +226,7 @@ def test_around_a_pixel_that_is_not_finite_the_choice_goes_on(wall):
     around[20, 30] = False
     steered = []
     for value in (1.0, np.nan):
-        rng, still = np.random.default_rng(4), made(wall)
-        for frame in range(3):
-            values = drawn(rng, 1.0, 2.0)
-            if frame == 0:
-                values[:, 20, 30] = value
-            still.add(values)
+        still = made_with(wall, value, [(1.0, 2.0)] * 3, at=0)
         shown = grid_of(WIDTH, HEIGHT).image(np.array(still.steered._shown)[1])
         steered.append((np.abs(shown - still.mean[..., 1]) > 1e-3)[around].mean())
     assert steered[1] == pytest.approx(steered[0], abs=0.02)

@@ -13,7 +13,7 @@ from scipy import ndimage
 from mitsuba_restir.analysis import spectrum
 from mitsuba_restir.analysis.covariance import run_products
 from mitsuba_restir.analysis.images import smoothed_reference
-from mitsuba_restir.studies.measure import correlations
+from mitsuba_restir.studies.measure import errors
 from mitsuba_restir.studies.measure.frame_errors import (
     filtered_mse,
     reference_noise,
@@ -537,7 +537,7 @@ def test_flicker_is_what_changes_and_covariance_what_stays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Frames are a common error of 0.2 and one of 0.1 of their own, and denoising halves both."""
-    monkeypatch.setattr(correlations, "denoise", lambda frame: 1.0 + 0.5 * (frame - 1.0))
+    monkeypatch.setattr(errors, "denoise", lambda frame: 1.0 + 0.5 * (frame - 1.0))
     rng = np.random.default_rng(18)
     stays = 0.2 * rng.standard_normal((6, 1, *SHAPE))
     changes = 0.1 * rng.standard_normal((6, 4, *SHAPE))

@@ -53,6 +53,11 @@ class Grid:
         y = lane // self.width
         return self.index(lane - y * self.width, y)
 
+    def by_pixels(self) -> mi.UInt32:
+        """Place of every pixel, row by row: gathered by it, an image is an array."""
+        x, y = self.place(self.pixels())
+        return y * self.width + x
+
     def image(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Values of every pixel, (..., pixels), as an image on the host, (..., rows, columns)."""
         ordered = values[..., np.array(self.by_rows())]

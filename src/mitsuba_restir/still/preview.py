@@ -222,5 +222,5 @@ def _bright(steering: Steering, shown: mi.Color3f, picture: list[mi.Float]) -> m
 
 def _by_pixels(grid: Grid, rows: list[mi.Float]) -> list[mi.Float]:
     """Values row by row, in the order of the grid."""
-    x, y = grid.place(grid.pixels())
-    return [dr.gather(mi.Float, values, y * grid.width + x) for values in rows]
+    place = grid.by_pixels()
+    return [dr.gather(mi.Float, values, place) for values in rows]

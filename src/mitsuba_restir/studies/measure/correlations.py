@@ -8,7 +8,6 @@ import numpy as np
 
 from ...analysis import spectrum
 from ...analysis.covariance import RunProducts, run_products, temporal_covariance
-from ...analysis.denoise import denoise
 from ...analysis.images import FloatArray, luminance
 from ..runs.results import Image, Run
 from .frame_errors import CLIP, chain_spectra, frames_of, reference_noise
@@ -105,45 +104,30 @@ def low_frequencies(data: Measured, numbers: Sequence[Number]) -> Iterator[Row |
 def covariance_of_frames(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
     """Covariance of consecutive frames, where every frame is kept."""
     (number,) = numbers
-    yield from _of_neighbours_in_time(
-        data, number, {name: _luminances(runs) for name, runs in data.runs.items()}
-    )
-
-
-def flicker(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
-    """
-    What changes from frame to frame after OIDN, and what consecutive frames have in common.
-
-    The first is the mean square of the change of luminance, relative to the smoothed reference:
-    twice the variance less twice the covariance of consecutive frames.
-    """
-    change, shared = numbers
-    scale = reference_of(data).scale
-    clean = {
-        name: [
-            np.stack([luminance(denoise(frame)) for frame in run.frames])
-            for run in runs
-            if run.frames is not None
-        ]
-        for name, runs in data.runs.items()
-    }
-    changes = {
-        name: np.array([np.mean((np.diff(frames, axis=0) / scale) ** 2) for frames in own])
-        for name, own in clean.items()
-    }
-    yield from rows_of_runs(data, change, changes)
-    yield from _of_neighbours_in_time(data, shared, clean)
-
-
-def _of_neighbours_in_time(
-    data: Measured, number: Number, sequences: Mapping[str, Sequence[FloatArray]]
-) -> Iterator[Row]:
     reference = reference_of(data).image
     found = {
-        name: temporal_covariance(np.stack(frames), reference) for name, frames in sequences.items()
+        name: temporal_covariance(np.stack(_luminances(runs)), reference)
+        for name, runs in data.runs.items()
     }
     for name, own in found.items():
         yield row_of_jackknife(data, name, number, own, found.get(data.partner(name) or ""))
+
+
+def change_of_frames(data: Measured, numbers: Sequence[Number]) -> Iterator[Row]:
+    """
+    Mean square of the change of luminance from frame to frame, relative to the smoothed reference.
+
+    Twice the variance less twice the covariance of consecutive frames.
+    """
+    (number,) = numbers
+    scale = reference_of(data).scale
+    values = {
+        name: np.array(
+            [np.mean((np.diff(frames, axis=0) / scale) ** 2) for frames in _luminances(runs)]
+        )
+        for name, runs in data.runs.items()
+    }
+    yield from rows_of_runs(data, number, values)
 
 
 def _luminances(runs: Sequence[Run]) -> list[FloatArray]:

@@ -69,11 +69,23 @@ def one_by_one(*quantities: Rows) -> Rows:
     return rows
 
 
-def after_denoising(quantity: Rows) -> Rows:
-    """Make a quantity of the last frame of every run after OIDN's filter without guides."""
+def after_denoising(
+    quantity: Rows, frames: Callable[[Measured, Run], Image] = last_frame_of
+) -> Rows:
+    """
+    Make a quantity of frames of every run after OIDN's filter without guides.
+
+    Parameters
+    ----------
+    frames : callable
+        Chooses the frames.
+    """
 
     def rows(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refused]:
-        runs = {name: [_denoised(data, run) for run in own] for name, own in data.runs.items()}
+        runs = {
+            name: [_denoised(run, frames(data, run)) for run in own]
+            for name, own in data.runs.items()
+        }
         yield from quantity(replace(data, runs=runs), numbers)
 
     return rows
@@ -92,9 +104,9 @@ def of_averages(quantity: Rows) -> Rows:
     return rows
 
 
-def _denoised(data: Measured, run: Run) -> Run:
-    frames = np.stack([denoise(f).astype(np.float32) for f in last_frame_of(data, run)])
-    return replace(run, last=frames[-1], load_frames=partial(np.asarray, frames))
+def _denoised(run: Run, frames: Image) -> Run:
+    clean = np.stack([denoise(frame).astype(np.float32) for frame in frames])
+    return replace(run, last=clean[-1], load_frames=partial(np.asarray, clean))
 
 
 def means_of(data: Measured) -> dict[str, list[Image]]:

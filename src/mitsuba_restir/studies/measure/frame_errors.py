@@ -36,6 +36,13 @@ def last_frame_of(data: Measured, run: Run) -> Image:
     return frames_of(data, run)[-1:]
 
 
+def every_frame(_: Measured, run: Run) -> Image:
+    """Return all measured frames of a run that kept them, (F, H, W, 3)."""
+    frames = run.frames
+    assert frames is not None
+    return frames
+
+
 def relative_errors(frames: ArrayLike, reference: ReferenceImage, clip: float | None) -> FloatArray:
     """Relative errors of luminance, (F, H, W), of frames (F, H, W, 3) or of luminance itself."""
     images = [luminance(image) for image in np.asarray(frames)]

@@ -22,8 +22,8 @@ from . import (
     times,
     variances,
 )
-from .errors import of_frames, of_mean, one_by_one
-from .frame_errors import BLOTCHES, SIGMA, last_frame_of
+from .errors import after_denoising, of_frames, of_mean, one_by_one
+from .frame_errors import BLOTCHES, SIGMA, every_frame, last_frame_of
 from .probes import GUIDED, GUIDED_TRIMMED
 from .results import Measured, Number, Refused, Row, Rows
 
@@ -244,7 +244,10 @@ QUANTITIES: Mapping[str, Quantity] = {
         least_runs=2,
     ),
     "flicker": Quantity(
-        correlations.flicker,
+        after_denoising(
+            one_by_one(correlations.change_of_frames, correlations.covariance_of_frames),
+            every_frame,
+        ),
         [
             Number("flicker after OIDN", chart=True),
             Number("covariance of consecutive frames after OIDN"),
