@@ -50,9 +50,9 @@ type = "path"
 spp = 4
 denoise = true
 
-[variants.path_16]
+[variants.path_1024]
 type = "path"
-spp = 16
+spp = 1024
 denoise = true
 
 [variants.clean]
