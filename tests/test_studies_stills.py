@@ -50,9 +50,9 @@ type = "path"
 spp = 4
 denoise = true
 
-[variants.path_1024]
+[variants.path_256]
 type = "path"
-spp = 1024
+spp = 256
 denoise = true
 
 [variants.clean]
@@ -129,7 +129,7 @@ def test_stills_as_variants(tmp_path: Path) -> None:
     assert run.stated.shape == (1, 2)
     assert "4 frames" in run.remark
 
-    stills = 'reference={"seconds"=0.5, "batches"=2}'
+    stills = 'reference={"seconds"=2.0, "batches"=2}'
     study = study_of(tmp_path, STUDY + DENOISED, 'quantities=["as_long"]', stills)
     rows = run_study(study, tmp_path / "out").rows
     assert {row.variant for row in rows} == {"clean"}
