@@ -131,7 +131,8 @@ def excesses(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refuse
 
     The floor is the variance of candidates alone, divided by the effective frames of a history and
     seen through a Gaussian as wide as reuse spreads them (`analysis.reuse.reach`). It is a variance
-    over runs that stands in both, so nothing of the reference's own error does.
+    over runs that stands in both, so nothing of the reference's own error does. Variants whose
+    candidates are not there have their variances alone.
     """
     named = {number.name: number for number in numbers}
     cached = _Cache(data)
@@ -139,20 +140,21 @@ def excesses(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refuse
     for name, sharing in data.sharing.items():
         if len(data.runs.get(name, ())) < 2:
             continue
+        seen = {sigma: cached.variance(name, sigma) for sigma in SIGMAS}
+        for sigma, own in seen.items():
+            found[name, f"variance through {sigma:g} px"] = own.whole
+            found[name, f"variance through {sigma:g} px, trimmed"] = own.trimmed
         if lack := _lack(data, name, sharing):
             yield Refused(f"excess at {data.size} is not given for '{name}': {lack}")
             continue
-        for sigma in SIGMAS:
+        for sigma, own in seen.items():
             reached = reach(sharing.reuse, _shape(data), sigma)
-            own = cached.variance(name, sigma)
             floor = cached.variance(sharing.candidates, reached.sigma)
             if not (floor.whole.is_positive and floor.trimmed.is_positive):
                 yield Refused(f"excess at {data.size} is not given: candidates have no error")
                 return
             share = data.sharing[sharing.candidates].trees / (sharing.trees * reached.frames)
             above = own.over(floor, share)
-            found[name, f"variance through {sigma:g} px"] = own.whole
-            found[name, f"variance through {sigma:g} px, trimmed"] = own.trimmed
             found[name, f"excess, {sigma:g} px"] = above.whole
             found[name, f"excess, {sigma:g} px, trimmed"] = above.trimmed
             yield make_row(data, name, named[f"reach at {sigma:g} px"], _exact(reached.sigma))
