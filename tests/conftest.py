@@ -2,7 +2,6 @@
 
 import mitsuba_restir  # noqa: F401  isort: skip
 
-import gc
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -19,22 +18,6 @@ from mitsuba_restir.cli import machine
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell in the background ignores Ctrl-C for its children; the tests of it do not.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def pytest_collection_finish() -> None:
-    """Spare the collections below what has been imported."""
-    gc.collect()
-    gc.freeze()
-
-
-@pytest.fixture(autouse=True)
-def nothing_left() -> None:
-    """Free what earlier tests have left.
-
-    Dr.Jit numbers the objects of all scenes that are alive, and the numbers' range is part of a
-    kernel: beside another scene, the largest kernels of a frame are compiled anew, for a second.
-    """
-    gc.collect()
 
 
 def _variant(name: str) -> str:
