@@ -216,8 +216,6 @@ def test_the_command_renders_what_is_seen(page: Any, tmp_path: Path) -> None:
     _drag(page, 90, 30)
     page.wait_for_timeout(500)
     _until(page, lambda: _pixels(page).shape[:2] == (SIZE[1], SIZE[0]))
-    _wait_for_next(page, 10)
-    seen = _pixels(page).astype(float)
     page.locator('[aria-label="The command that renders this"]').click()
     page.wait_for_function("document.querySelector('.command')?.textContent")
     lines = page.inner_text(".command").splitlines()
@@ -225,13 +223,16 @@ def test_the_command_renders_what_is_seen(page: Any, tmp_path: Path) -> None:
     program = shlex.join([sys.executable, "-m", "mitsuba_restir"])
     script = "\n".join(lines).replace("mitsuba-restir", program, 1)
     subprocess.run(["sh", "-c", script], cwd=tmp_path, check=True, capture_output=True)
-    rendered = np.array(Image.open(tmp_path / "view.png"))[..., :3].astype(float)
-    likeness = np.corrcoef(rendered.ravel(), seen.ravel())[0, 1]
-    assert likeness > 0.9
+
+    def likeness(name: str) -> float:
+        rendered = np.array(Image.open(tmp_path / name))[..., :3].astype(float)
+        return float(np.corrcoef(rendered.ravel(), _pixels(page).astype(float).ravel())[0, 1])
+
+    # Two frames are 0.9 alike: both are noisy.
+    _until(page, lambda: likeness("view.png") > 0.8)
     # The control: as the camera was before.
     assert main(["render", *SCENE, "--warmup", "5", "-o", str(tmp_path / "home.png")]) == 0
-    home = np.array(Image.open(tmp_path / "home.png"))[..., :3].astype(float)
-    assert np.corrcoef(home.ravel(), seen.ravel())[0, 1] < 0.9
+    assert likeness("home.png") < 0.5
 
 
 # ------------------------------ refusals and hostility ------------------------------------------
