@@ -200,7 +200,7 @@ def rank_pixels(
     label = dr.select(inside, dr.gather(mi.UInt32, labels, pixel, inside), NOWHERE)
     value = dr.gather(mi.Float, values, pixel, inside)
     share = dr.gather(mi.Float, confidence, pixel, inside)
-    entries = _entries(label, value, group.level, share)
+    entries = _side_by_side(label, group.level, value, share)
     dr.eval(group, label, entries)
     size = groups.cells**2
     lane = dr.arange(mi.UInt32, dr.width(pixel))
@@ -237,19 +237,19 @@ def turned(rank: mi.UInt32, count: mi.UInt32, choices: Stream) -> mi.UInt32:
     return dr.select(2 * rank < count, 2 * rank, 2 * count - 1 - 2 * rank)
 
 
-def _entries(
-    label: mi.UInt32, value: mi.Float, level: mi.UInt32, confidence: mi.Float
+def _side_by_side(
+    label: mi.UInt32, level: mi.UInt32, value: mi.Float, confidence: mi.Float
 ) -> mi.UInt32:
     """What members are compared by, side by side: read at once, it takes half the time."""
-    numbers = (dr.reinterpret_array(mi.UInt32, entry) for entry in (value, confidence))
-    return dr.ravel(mi.Vector4u(label, level, *numbers))
+    bits = (dr.reinterpret_array(mi.UInt32, number) for number in (value, confidence))
+    return dr.ravel(mi.Vector4u(label, level, *bits))
 
 
-def _entry(entries: mi.UInt32, lane: mi.UInt32) -> tuple[mi.UInt32, mi.Float, mi.UInt32, mi.Float]:
-    """Label, value, level and confidence of members."""
-    label, level, value, confidence = dr.gather(mi.Vector4u, entries, lane)
-    value, confidence = (dr.reinterpret_array(mi.Float, bits) for bits in (value, confidence))
-    return label, value, level, confidence
+def _read(entries: mi.UInt32, lane: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32, mi.Float, mi.Float]:
+    """Label, level, value and confidence of members."""
+    label, level, *bits = dr.gather(mi.Vector4u, entries, lane)
+    value, confidence = (dr.reinterpret_array(mi.Float, number) for number in bits)
+    return label, level, value, confidence
 
 
 @dr.syntax
@@ -268,7 +268,7 @@ def _count(
     size : int
         Members of a group.
     entries : UInt32
-        Result of :func:`_entries`, of all members.
+        Result of :func:`_side_by_side`, of all members.
 
     Returns
     -------
@@ -278,17 +278,17 @@ def _count(
     total : Float
         Confidence of the members with the same label.
     """
-    label, value, level, _ = _entry(entries, lane)
+    label, level, value, _ = _read(entries, lane)
     before, count, value_rank, mask_rank = (mi.UInt32(0) for _ in range(4))
     total = mi.Float(0)
     i = mi.UInt32(begin)
     end = begin + size
 
     while dr.hint(i < end, label="Ranks"):
-        theirs, v, u, confidence = _entry(entries, i)
-        alike = theirs == label
+        other, u, v, confidence = _read(entries, i)
+        alike = other == label
         earlier = i < lane
-        before += dr.select(theirs < label, mi.UInt32(1), 0)
+        before += dr.select(other < label, mi.UInt32(1), 0)
         count += dr.select(alike, mi.UInt32(1), 0)
         lower = (v < value) | ((v == value) & earlier)
         value_rank += dr.select(alike & lower, mi.UInt32(1), 0)

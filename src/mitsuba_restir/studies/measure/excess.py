@@ -151,15 +151,18 @@ def excesses(data: Measured, numbers: Sequence[Number]) -> Iterator[Row | Refuse
             reached = reach(sharing.reuse, _shape(data), sigma)
             floor = cached.variance(sharing.candidates, reached.sigma)
             if not (floor.whole.is_positive and floor.trimmed.is_positive):
-                yield Refused(f"excess at {data.size} is not given: candidates have no error")
-                return
+                yield Refused(
+                    f"excess at {data.size} is not given for '{name}': its candidates have no error"
+                )
+                break
             share = data.sharing[sharing.candidates].trees / (sharing.trees * reached.frames)
             above = own.over(floor, share)
             found[name, f"excess, {sigma:g} px"] = above.whole
             found[name, f"excess, {sigma:g} px, trimmed"] = above.trimmed
             yield make_row(data, name, named[f"reach at {sigma:g} px"], _exact(reached.sigma))
-        frames = sharing.trees * reached.frames
-        yield make_row(data, name, named["effective frames"], _exact(frames))
+        else:
+            frames = sharing.trees * reached.frames
+            yield make_row(data, name, named["effective frames"], _exact(frames))
     for (name, title), own_value in found.items():
         base = found.get((data.partner(name) or "", title))
         yield row_of_jackknife(data, name, named[title], own_value, base)
