@@ -222,6 +222,24 @@ def test_a_pixel_takes_one_path_of_each_stratum_in_the_order_of_the_mask(rgb, bl
         assert offset.max() < 1
 
 
+@pytest.mark.parametrize("cells", [2, 5, 16])
+def test_ranks_are_those_of_a_sort_in_groups_of_every_size(rgb, blue, cells):
+    """Up to the largest, in which all members are alike."""
+    values = np.random.default_rng(3).permutation(64 * 64).reshape(64, 64)
+    ranks = synthetic(values, Groups(mask_texture(blue), cells, 1), 7)
+    first, value, mask, count = (
+        np.array(a).astype(int) for a in (ranks.first, ranks.value, ranks.mask, ranks.count)
+    )
+    assert count.max() == cells**2
+    for begin in np.unique(first):
+        inside = first == begin
+        members = np.arange(inside.sum())
+        assert (count[inside] == inside.sum()).all()
+        order = np.argsort(lanes_of(values)[inside])
+        assert np.array_equal(value[inside][order], members)
+        assert np.array_equal(np.sort(mask[inside]), members)
+
+
 @pytest.mark.parametrize("count", [1, 2, 7, 81])
 def test_turned_ranks_are_a_permutation_and_uniform(rgb, count):
     rank = dr.arange(mi.UInt32, count)

@@ -21,7 +21,6 @@ that ranks that meet on the circle are also alike.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -31,8 +30,6 @@ from ..paths.primary_hit import PrimaryHit
 from ..paths.vertex import exists
 from ..sampling.dither import MaskTexture
 from ..sampling.streams import Stream, uniform2
-
-Entry = TypeVar("Entry")
 
 SLAB = 0.5
 """Thickness of the slabs of space that tell surfaces apart, at most, relative to their distance."""
@@ -46,6 +43,12 @@ CELLS = 8
 SPREAD = 1.35
 """Side of a block relative to the radius of reuse. In the mean square, two random points of a block
 are then 1.1 times as far apart as the centre and a random point of a disk with the radius."""
+
+TOGETHER = 3
+"""Members whose ranks are counted at once: what is read serves them all, in half the time."""
+
+# Counts of other members share a word, a byte each: groups have at most 256 members.
+_ALIKE, _LOWER, _BELOW = 1 << 8, 1 << 16, 1 << 24
 
 # Blocks of the round's stream; its vertices number the blocks' cells, or the purposes below.
 _CELLS, _COMMON = 2, 3
@@ -61,7 +64,7 @@ class Groups:
     mask : MaskTexture
         Whose ranks decide.
     cells : int
-        Cells along a side of a block, n.
+        Cells along a side of a block, n; at most 16.
     side : int
         Side of a cell [pixels].
     """
@@ -203,30 +206,26 @@ def rank_pixels(
     entries = _side_by_side(label, group.level, value, share)
     dr.eval(group, label, entries)
     size = groups.cells**2
-    lane = dr.arange(mi.UInt32, dr.width(pixel))
-    begin = lane // size * size
-    before, count, value_rank, mask_rank, total = _count(begin, lane, size, entries)
-    first = begin + before
-    mask_rank = turned(mask_rank, count, choices)
-    used = label != NOWHERE
+    step = -(-size // TOGETHER)
+    lane = dr.arange(mi.UInt32, dr.width(pixel) // size * step)
+    begin = lane // step * size
+    places = [lane % step + i * step for i in range(TOGETHER)]
+    lanes = [begin + dr.minimum(place, size - 1) for place in places]
+    of_pixels = [dr.zeros(kind, grid.size) for kind in (*[mi.UInt32] * 4, mi.Float)]
     by_value, by_mask = (dr.zeros(mi.UInt32, dr.width(pixel)) for _ in range(2))
-    dr.scatter(by_value, pixel, first + value_rank, used)
-    dr.scatter(by_mask, pixel, first + mask_rank, used)
-
-    def of_pixels(entry: Entry) -> Entry:
-        result = dr.zeros(type(entry), grid.size)
-        dr.scatter(result, entry, pixel, used)
-        return result
-
-    return Ranks(
-        of_pixels(first),
-        of_pixels(count),
-        of_pixels(value_rank),
-        of_pixels(mask_rank),
-        of_pixels(total),
-        by_value,
-        by_mask,
-    )
+    for place, own, counts in zip(places, lanes, _count(begin, lanes, size, entries), strict=True):
+        before, count, value_rank, mask_rank, total = counts
+        first = begin + before
+        mask_rank = turned(mask_rank, count, choices)
+        target = dr.gather(mi.UInt32, pixel, own)
+        used = (place < size) & (dr.gather(mi.UInt32, label, own) != NOWHERE)
+        tables = [(by_value, target, first + value_rank), (by_mask, target, first + mask_rank)]
+        found = (first, count, value_rank, mask_rank, total)
+        tables += [(result, entry, target) for result, entry in zip(of_pixels, found, strict=True)]
+        for result, entry, index in tables:
+            # No two members have one index: said so, one kernel writes them all.
+            dr.scatter(result, entry, index, used, mode=dr.ReduceMode.NoConflicts)
+    return Ranks(*of_pixels, by_value, by_mask)
 
 
 def turned(rank: mi.UInt32, count: mi.UInt32, choices: Stream) -> mi.UInt32:
@@ -254,17 +253,14 @@ def _read(entries: mi.UInt32, lane: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32, mi
 
 @dr.syntax
 def _count(
-    begin: mi.UInt32,
-    lane: mi.UInt32,
-    size: int,
-    entries: mi.UInt32,
-) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.UInt32, mi.Float]:
-    """What comes before each member in its group, by comparing it with all others.
+    begin: mi.UInt32, lanes: list[mi.UInt32], size: int, entries: mi.UInt32
+) -> list[tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.UInt32, mi.Float]]:
+    """What comes before members in their group, by comparing them with all others.
 
     Parameters
     ----------
-    begin, lane : UInt32
-        First member of the group, and the member itself.
+    begin, lanes : UInt32, list of UInt32
+        First member of a group, and those that are counted for.
     size : int
         Members of a group.
     entries : UInt32
@@ -273,27 +269,31 @@ def _count(
     Returns
     -------
     before, count, value_rank, mask_rank : UInt32
-        Members with smaller labels, with the same label, and those of the same label with smaller
-        values and levels; ties count by position.
+        Of each of ``lanes``: members with smaller labels, with the same label, and those of the
+        same label with smaller values and levels; ties count by position.
     total : Float
         Confidence of the members with the same label.
     """
-    label, level, value, _ = _read(entries, lane)
-    before, count, value_rank, mask_rank = (mi.UInt32(0) for _ in range(4))
-    total = mi.Float(0)
+    labels, levels, values, _ = zip(*(_read(entries, lane) for lane in lanes), strict=True)
+    counts = [mi.UInt32(2**32 - _ALIKE) for _ in lanes]
+    totals = [mi.Float(0) for _ in lanes]
     i = mi.UInt32(begin)
     end = begin + size
 
     while dr.hint(i < end, label="Ranks"):
-        other, u, v, confidence = _read(entries, i)
-        alike = other == label
-        earlier = i < lane
-        before += dr.select(other < label, mi.UInt32(1), 0)
-        count += dr.select(alike, mi.UInt32(1), 0)
-        lower = (v < value) | ((v == value) & earlier)
-        value_rank += dr.select(alike & lower, mi.UInt32(1), 0)
-        lower = (u < level) | ((u == level) & earlier)
-        mask_rank += dr.select(alike & lower, mi.UInt32(1), 0)
-        total += dr.select(alike, confidence, 0)
+        label, level, value, confidence = _read(entries, i)
+        for j in range(len(lanes)):
+            alike = label == labels[j]
+            earlier = i < lanes[j]
+            lower = (value < values[j]) | ((value == values[j]) & earlier)
+            below = (level < levels[j]) | ((level == levels[j]) & earlier)
+            more = _ALIKE + dr.select(lower, mi.UInt32(_LOWER), 0)
+            more += dr.select(below, mi.UInt32(_BELOW), 0)
+            counts[j] += dr.select(alike, more, dr.select(label < labels[j], mi.UInt32(1), 0))
+            totals[j] += dr.select(alike, confidence, 0)
         i += 1
-    return before, count, value_rank, mask_rank, total
+    found = []
+    for word, total in zip(counts, totals, strict=True):
+        before, alike, lower, below = (word >> shift & 0xFF for shift in (0, 8, 16, 24))
+        found.append((before, alike + 1, lower, below, total))
+    return found
