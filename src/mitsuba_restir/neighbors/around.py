@@ -135,9 +135,8 @@ def counts(alike: mi.UInt32, neighbor: int) -> mi.Bool:
 
 def side_by_side(color: mi.Color3f | mi.Point3f | mi.Normal3f, number: mi.Float) -> mi.Float:
     """Colours (or vectors), each with a number: what lies together is read in half the time."""
-    dr.eval(color, number)
     values = dr.ravel(mi.Vector4f(color.x, color.y, color.z, number))
-    dr.eval(values)
+    dr.eval(color, number, values)
     return values
 
 

@@ -168,26 +168,53 @@ def choose(
     dr.eval(shown)
 
     order = uniform2(key.stream(Purpose.SELECTION, 0), 0, 0)
+    dr.eval(order)
     for index in range(SPACING**2):
         number = set_in_turn(dr.opaque(mi.UInt32, index), order)
         pixel, inside = spaced_pixels(grid, SPACING, number)
-        around = dr.gather(mi.UInt32, aim.alike, pixel, inside)
-        # The colour that would cancel what its neighbours err by.
-        expected = dr.gather(mi.Color3f, reference, pixel, inside)
-        wanted = expected - neighbors_error(grid, error, around, pixel, aim.sigma)
-        own = [dr.gather(Round, shared, pixel, inside) for shared in rounds]
-        best = own[-1].mean
-        distance = dr.squared_norm(bounded(best, expected) - wanted)
-        for color, valid in candidates(own):
-            its_distance = dr.squared_norm(bounded(color, expected) - wanted)
-            better = valid & (its_distance < distance)
-            best = dr.select(better, color, best)
-            distance = dr.select(better, its_distance, distance)
+        best, left = best_candidate(grid, rounds, aim, error, pixel, inside)
+        # Evaluated, they no longer refer to the errors, or these would be copied to be changed.
+        dr.eval(pixel, inside, best, left)
         dr.scatter(shown, best, pixel, inside)
-        left = bounded(best, expected) - expected
         dr.scatter(error, mi.Vector4f(left.x, left.y, left.z, 0), pixel, inside)
         dr.eval(shown, error)
     return shown
+
+
+def best_candidate(
+    grid: Grid,
+    rounds: list[Round],
+    aim: Aim,
+    error: mi.Float,
+    pixel: mi.UInt32,
+    inside: mi.Bool,
+) -> tuple[mi.Color3f, mi.Color3f]:
+    """The candidates of some pixels that are nearest to what cancels their neighbours' errors.
+
+    Parameters
+    ----------
+    error : Float
+        Of all pixels, as they stand, from :func:`mitsuba_restir.neighbors.around.side_by_side`.
+    pixel, inside : UInt32, Bool
+        The pixels, and whether they lie in the image.
+
+    Returns
+    -------
+    best, left : Color3f
+        What to show, and its error.
+    """
+    around = dr.gather(mi.UInt32, aim.alike, pixel, inside)
+    expected = dr.gather(mi.Color3f, aim.reference, pixel, inside)
+    wanted = expected - neighbors_error(grid, error, around, pixel, aim.sigma)
+    own = [dr.gather(Round, shared, pixel, inside) for shared in rounds]
+    best = own[-1].mean
+    distance = dr.squared_norm(bounded(best, expected) - wanted)
+    for color, valid in candidates(own):
+        its_distance = dr.squared_norm(bounded(color, expected) - wanted)
+        better = valid & (its_distance < distance)
+        best = dr.select(better, color, best)
+        distance = dr.select(better, its_distance, distance)
+    return best, bounded(best, expected) - expected
 
 
 def bounded(color: mi.Color3f, reference: mi.Color3f) -> mi.Color3f:
