@@ -285,6 +285,18 @@ def test_definition_of_an_included_file_is_known(folder):
     assert list(scene.sensors()[0].film().size()) == [12, 6]
 
 
+def test_lights_come_in_the_order_of_the_file(folder):
+    """Also those of meshes, which Mitsuba puts into an order of addresses; others are merged."""
+    names = [f"lamp_{i}" for i in range(9)]
+    lamps = (f'<shape type="cube" id="{name}"><emitter type="area"/></shape>' for name in names)
+    things = '<bsdf type="diffuse" id="m"/>' + 5 * '<shape type="cube"><ref id="m"/></shape>'
+    Path("lamps.xml").write_text(f'<scene version="3.0.0">{things}{"".join(lamps)}</scene>')
+    loading.choose_variant("llvm_ad_rgb")
+    shapes = loading.load_scene("lamps.xml", {}, None).shapes()
+    assert [shape.id() for shape in shapes if shape.is_emitter()] == names
+    assert len(shapes) == len(names) + 1
+
+
 def test_every_parameter_is_known_to_the_plugin():
     loading.choose_variant("llvm_ad_rgb")
     for name, parameter in PARAMETERS.items():

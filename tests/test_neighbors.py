@@ -21,15 +21,9 @@ from support.scopes import scope_of
 
 from mitsuba_restir.analysis.spectrum import band_power, power_spectrum
 from mitsuba_restir.integrators import frame as frame_module
+from mitsuba_restir.neighbors.groups import NOWHERE, Groups, scattered_groups, surface_labels
 from mitsuba_restir.neighbors.ranked import expected_confidence
-from mitsuba_restir.neighbors.ranks import (
-    NOWHERE,
-    Groups,
-    rank_pixels,
-    scattered_groups,
-    surface_labels,
-    turned,
-)
+from mitsuba_restir.neighbors.ranks import rank_pixels, turned
 from mitsuba_restir.neighbors.strategies import STRATEGIES
 from mitsuba_restir.passes.spatial import Merged, spatial
 from mitsuba_restir.paths.grid import grid_of

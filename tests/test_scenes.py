@@ -31,6 +31,14 @@ def image(scene: Any, spp: int) -> np.ndarray:
     return np.array(mi.render(scene, spp=spp, seed=1))
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_shapes_come_in_their_order(rgb: None, name: str) -> None:
+    """Nothing is merged, which would put lights into an order of addresses."""
+    found = [shape.id() for shape in scenes.load(name, 8, 8).shapes()]
+    assert len(found) > 5
+    assert found == [key for key in scenes.as_dict(name) if key in found]
+
+
 def test_names_and_errors() -> None:
     assert set(NAMES) <= set(scenes.names())
     for name in scenes.names():

@@ -88,7 +88,7 @@ def load_scene(
         raise UsageError(f"'{source}' is neither a scene file nor an embedded scene ({names})")
     _check_definitions(path, definitions)
     config = mi.parser.ParserConfig(mi.variant())
-    # In parallel, threads would decide the order of the lights, and with it what a seed renders.
+    # In parallel, threads would decide the order of the lights, too (:func:`_leave_lights_apart`).
     config.parallel = False
     config.merge_meshes = config.merge_equivalent = not apart
     return _load_file(config, path, definitions, size, keep_filter)
@@ -129,6 +129,7 @@ def _load_file(
         state = mi.parser.parse_file(config, str(path), **definitions)
         mi.parser.transform_all(config, state)
         _set_up_films(state, size, keep_filter)
+        _leave_lights_apart(state)
         scene = mi.parser.instantiate(config, state)
     except (RuntimeError, ValueError, TypeError) as error:
         message = one_line(error).replace(f"At {path} ", "")
@@ -144,18 +145,8 @@ def _set_up_films(state: Any, size: tuple[int, int] | None, keep_filter: bool) -
     """Give every film the size asked for, a box filter and colour without alpha."""
     kinds = mi.ObjectType
     pixel_format = "luminance" if "mono" in mi.variant() else "rgb"
-    reference = mi.Properties.Type.ResolvedReference
-
-    def children(properties: Any, kind: Any) -> list[str]:
-        return [
-            key
-            for key in properties.keys()
-            if properties.type(key) == reference
-            and state.nodes[properties[key].index()].type == kind
-        ]
-
     for node in state.nodes:
-        if node.type == kinds.Sensor and not children(node.props, kinds.Film):
+        if node.type == kinds.Sensor and not _children(state, node.props, kinds.Film):
             film = {"type": "hdrfilm", "pixel_format": pixel_format, "rfilter": {"type": "box"}}
             shape = {"width": size[0], "height": size[1]} if size else {}
             node.props["film"] = mi.load_dict({**film, **shape})
@@ -171,9 +162,34 @@ def _set_up_films(state: Any, size: tuple[int, int] | None, keep_filter: bool) -
                 del properties[key]
             properties["width"], properties["height"] = size
         if not keep_filter:
-            for key in children(properties, kinds.ReconstructionFilter):
+            for key in _children(state, properties, kinds.ReconstructionFilter):
                 del properties[key]
             properties["rfilter"] = mi.load_dict({"type": "box"})
+
+
+def _leave_lights_apart(state: Any) -> None:
+    """Take shapes that emit out of what is merged.
+
+    Mitsuba merges no two of them, but orders them by their addresses, and with the order of the
+    lights changes what a seed renders.
+    """
+    kinds, everything = mi.ObjectType, state.root.props
+    for merged in [node.props for node in state.nodes if node.props.plugin_name() == "merge"]:
+        for key in _children(state, merged, kinds.Shape):
+            shape = merged[key]
+            if _children(state, state.nodes[shape.index()].props, kinds.Emitter):
+                del merged[key]
+                everything[f"_emitting_shape_{shape.index()}"] = shape
+
+
+def _children(state: Any, properties: Any, kind: Any) -> list[str]:
+    """Names of an object's children of a kind."""
+    reference = mi.Properties.Type.ResolvedReference
+    return [
+        key
+        for key in properties.keys()
+        if properties.type(key) == reference and state.nodes[properties[key].index()].type == kind
+    ]
 
 
 def choose_sensor(scene: Any, index: int) -> Any:

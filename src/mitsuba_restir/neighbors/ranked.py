@@ -24,7 +24,8 @@ from ..sampling.dither import mask_texture
 from ..sampling.masks import load_mask
 from ..sampling.streams import Stream
 from .exchange import Exchange, for_each_neighbor
-from .ranks import Groups, Ranks, rank_pixels, scattered_groups, surface_labels
+from .groups import Groups, scattered_groups, surface_labels
+from .ranks import Ranks, rank_pixels
 
 BLOCK = 16
 """Side of the blocks of adjacent pixels that the groups of ``blocks`` are."""

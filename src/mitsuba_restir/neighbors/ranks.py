@@ -1,10 +1,9 @@
-"""Groups of scattered pixels that exchange paths by rank: mask against luminance.
+"""Groups of pixels exchange paths by rank: mask against luminance.
 
-A random choice of neighbours is white noise. Here a blue-noise mask makes it. Anew in every frame
-and round, the image is cut into blocks of n x n cells at a random offset, and a group takes one
-random pixel of every cell; its pixels fall into classes of like surfaces. A class of N pixels has
-two orders: by the luminance of F W, and by the mask, whose ranks are then turned by an offset that
-is uniform on 0 ... N - 1. With k neighbours there are kN edges, and edge h joins
+A random choice of neighbours is white noise. Here a blue-noise mask makes it. The pixels of a group
+(:mod:`.groups`) fall into classes of like surfaces. A class of N pixels has two orders: by the
+luminance of F W, and by the mask, whose ranks are then turned by an offset that is uniform on
+0 ... N - 1. With k neighbours there are kN edges, and edge h joins
 
     the taker, the pixel of mask rank h mod N,    and the source, the path of rank floor(h / k).
 
@@ -26,65 +25,14 @@ import drjit as dr
 import mitsuba as mi
 
 from ..paths.grid import Grid
-from ..paths.primary_hit import PrimaryHit
-from ..paths.vertex import exists
-from ..sampling.dither import MaskTexture
-from ..sampling.streams import Stream, uniform2
-
-SLAB = 0.5
-"""Thickness of the slabs of space that tell surfaces apart, at most, relative to their distance."""
-
-NOWHERE = 0xFFFFFFFF
-"""Label of pixels that see no surface, and of places outside the image."""
-
-CELLS = 8
-"""Cells along a block's side, if pixels allow it."""
-
-SPREAD = 1.35
-"""Side of a block relative to the radius of reuse. In the mean square, two random points of a block
-are then 1.1 times as far apart as the centre and a random point of a disk with the radius."""
+from ..sampling.streams import Stream
+from .groups import COMMON, NOWHERE, TURN, Groups, members
 
 TOGETHER = 3
 """Members whose ranks are counted at once: what is read serves them all, in half the time."""
 
 # Counts of other members share a word, a byte each: groups have at most 256 members.
 _ALIKE, _LOWER, _BELOW = 1 << 8, 1 << 16, 1 << 24
-
-# Blocks of the round's stream; its vertices number the blocks' cells, or the purposes below.
-_CELLS, _COMMON = 2, 3
-_OFFSET, _TURN, _MASK, _SLABS = range(4)
-
-
-@dataclass
-class Groups:
-    """How pixels are grouped.
-
-    Attributes
-    ----------
-    mask : MaskTexture
-        Whose ranks decide.
-    cells : int
-        Cells along a side of a block, n; at most 16.
-    side : int
-        Side of a cell [pixels].
-    """
-
-    mask: MaskTexture
-    cells: int
-    side: int
-
-
-@dataclass
-class Members:
-    """The groups' pixels, group after group, one lane each.
-
-    Fields: ``pixel`` (in the grid; 0 outside), ``inside`` (lies in the image), ``level`` (of the
-    mask).
-    """
-
-    pixel: mi.UInt32
-    inside: mi.Bool
-    level: mi.UInt32
 
 
 @dataclass
@@ -115,67 +63,6 @@ class Ranks:
         j = edge // dr.maximum(self.count, 1)
         rank = edge - j * self.count
         return dr.gather(mi.UInt32, self.by_mask, self.first + rank, self.count > 0), j
-
-
-def scattered_groups(mask: MaskTexture, radius: float) -> Groups:
-    """Groups in which two pixels are about as far apart as a disk's random point from its centre.
-
-    Parameters
-    ----------
-    radius : float
-        Of the disk [pixels].
-    """
-    side = max(1, round(SPREAD * radius / CELLS))
-    return Groups(mask, max(2, round(SPREAD * radius / side)), side)
-
-
-def surface_labels(hits: PrimaryHit, choices: Stream) -> mi.UInt32:
-    """Labels that like surfaces share: the same main direction and slab of space.
-
-    Parameters
-    ----------
-    choices : Stream
-        Moves the slabs' limits, so that no surface is cut for ever.
-    """
-    direction = dr.round(hits.normal)
-    span = hits.vertex.p - hits.origin
-    a, b = uniform2(choices, _SLABS, _COMMON)
-    octave = dr.floor(dr.log2(dr.norm(span)) + a)
-    thickness = SLAB * dr.exp2(octave - a)
-    slab = dr.floor(dr.dot(dr.normalize(direction), span) / thickness + b)
-    facing = mi.UInt32(direction.x + 3 * direction.y + 9 * direction.z + 13)
-    label = facing | ((mi.UInt32(mi.Int32(octave)) & 0x7F) << 5) | (mi.UInt32(mi.Int32(slab)) << 12)
-    return dr.select(exists(hits.vertex), label, NOWHERE)
-
-
-def members(grid: Grid, groups: Groups, choices: Stream) -> Members:
-    """Cut an image into groups.
-
-    Parameters
-    ----------
-    choices : Stream
-        The round's stream: draws the offset of the blocks, the pixel that each group has in each
-        cell, and the offset of the mask.
-    """
-    cells, side = groups.cells, groups.side
-    size, block_side, per_block = cells * cells, cells * side, side * side
-    columns, rows = (-(-extent // block_side) + 1 for extent in (grid.columns, grid.rows))
-    columns_opaque = dr.opaque(mi.UInt32, columns)
-    lane = dr.arange(mi.UInt32, columns * rows * per_block * size)
-    group, member = lane // size, lane % size
-    block, inner = group // per_block, group % per_block
-    row = block // columns_opaque
-    column = block - row * columns_opaque
-    left, top = choices.words(_OFFSET, _COMMON)
-    # A random toroidal shift of each cell deals its pixels out to the groups of the block.
-    dx, dy = choices.words(block * size + member, _CELLS)
-    x = column * block_side + member % cells * side + (inner % side + dx) % side
-    y = row * block_side + member // cells * side + (inner // side + dy) % side
-    x, y = mi.Int32(x - left % block_side), mi.Int32(y - top % block_side)
-    inside = grid.contains(x, y)
-    key, _ = choices.words(_MASK, _COMMON)
-    level = groups.mask.level(x, y, key)
-    return Members(dr.select(inside, grid.index(mi.UInt32(x), mi.UInt32(y)), 0), inside, level)
 
 
 def rank_pixels(
@@ -211,26 +98,36 @@ def rank_pixels(
     begin = lane // step * size
     places = [lane % step + i * step for i in range(TOGETHER)]
     lanes = [begin + dr.minimum(place, size - 1) for place in places]
-    of_pixels = [dr.zeros(kind, grid.size) for kind in (*[mi.UInt32] * 4, mi.Float)]
-    by_value, by_mask = (dr.zeros(mi.UInt32, dr.width(pixel)) for _ in range(2))
+    ranks = _no_ranks(grid.size, dr.width(pixel))
     for place, own, counts in zip(places, lanes, _count(begin, lanes, size, entries), strict=True):
         before, count, value_rank, mask_rank, total = counts
-        first = begin + before
-        mask_rank = turned(mask_rank, count, choices)
+        first, mask_rank = begin + before, turned(mask_rank, count, choices)
         target = dr.gather(mi.UInt32, pixel, own)
         used = (place < size) & (dr.gather(mi.UInt32, label, own) != NOWHERE)
-        tables = [(by_value, target, first + value_rank), (by_mask, target, first + mask_rank)]
-        found = (first, count, value_rank, mask_rank, total)
-        tables += [(result, entry, target) for result, entry in zip(of_pixels, found, strict=True)]
-        for result, entry, index in tables:
+        for result, entry, index in (
+            (ranks.first, first, target),
+            (ranks.count, count, target),
+            (ranks.value, value_rank, target),
+            (ranks.mask, mask_rank, target),
+            (ranks.confidence, total, target),
+            (ranks.by_value, target, first + value_rank),
+            (ranks.by_mask, target, first + mask_rank),
+        ):
             # No two members have one index: said so, one kernel writes them all.
             dr.scatter(result, entry, index, used, mode=dr.ReduceMode.NoConflicts)
-    return Ranks(*of_pixels, by_value, by_mask)
+    return ranks
+
+
+def _no_ranks(pixels: int, members: int) -> Ranks:
+    """Of as many pixels and members, to be filled."""
+    first, count, value, mask = (dr.zeros(mi.UInt32, pixels) for _ in range(4))
+    by_value, by_mask = (dr.zeros(mi.UInt32, members) for _ in range(2))
+    return Ranks(first, count, value, mask, dr.zeros(mi.Float, pixels), by_value, by_mask)
 
 
 def turned(rank: mi.UInt32, count: mi.UInt32, choices: Stream) -> mi.UInt32:
     """Turn the ranks 0 ... ``count`` - 1 by a random offset, the same for all groups, and fold."""
-    word, _ = choices.words(_TURN, _COMMON)
+    word, _ = choices.words(TURN, COMMON)
     rank = rank + dr.mul_hi(word, count)
     rank = dr.select(rank < count, rank, rank - count)
     return dr.select(2 * rank < count, 2 * rank, 2 * count - 1 - 2 * rank)
