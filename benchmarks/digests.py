@@ -126,7 +126,7 @@ def frames(mode: Mode) -> Iterator[np.ndarray]:
         lens = {"type": "thinlens", "aperture_radius": 0.05, "focus_distance": 3.0}
         description["sensor"] = {**description["sensor"], **lens}
     # As :func:`mitsuba_restir.scenes.load` does, so that lights come in order.
-    scene = mi.load_dict(description, parallel=False, optimize=False)
+    scene = mi.load_dict(description, optimize=False)
     parameters = mi.traverse(scene)
     start = {name: type(value)(value) for name, value in parameters if "to_world" in name}
     integrator = mi.load_dict({"type": "restir_pt", "max_depth": 8, **mode.parameters})

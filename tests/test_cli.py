@@ -286,15 +286,25 @@ def test_definition_of_an_included_file_is_known(folder):
 
 
 def test_lights_come_in_the_order_of_the_file(folder):
-    """Also those of meshes, which Mitsuba puts into an order of addresses; others are merged."""
+    """Those of meshes, which Mitsuba puts into an order of addresses; other meshes are merged."""
     names = [f"lamp_{i}" for i in range(9)]
     lamps = (f'<shape type="cube" id="{name}"><emitter type="area"/></shape>' for name in names)
     things = '<bsdf type="diffuse" id="m"/>' + 5 * '<shape type="cube"><ref id="m"/></shape>'
-    Path("lamps.xml").write_text(f'<scene version="3.0.0">{things}{"".join(lamps)}</scene>')
+    scene = f'{things}<emitter type="point"/>{"".join(lamps)}'
+    Path("lamps.xml").write_text(f'<scene version="3.0.0">{scene}</scene>')
     loading.choose_variant("llvm_ad_rgb")
     shapes = loading.load_scene("lamps.xml", {}, None).shapes()
     assert [shape.id() for shape in shapes if shape.is_emitter()] == names
     assert len(shapes) == len(names) + 1
+
+
+def test_what_a_file_merges_itself_stays_merged(folder):
+    lamp = '<shape type="cube" id="lamp"><emitter type="area"/></shape>'
+    Path("own.xml").write_text(f'<scene version="3.0.0"><shape type="merge">{lamp}</shape></scene>')
+    loading.choose_variant("llvm_ad_rgb")
+    for apart in (False, True):
+        (shape,) = loading.load_scene("own.xml", {}, None, apart=apart).shapes()
+        assert shape.id() == "lamp"
 
 
 def test_every_parameter_is_known_to_the_plugin():

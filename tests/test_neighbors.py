@@ -217,16 +217,20 @@ def test_a_pixel_takes_one_path_of_each_stratum_in_the_order_of_the_mask(rgb, bl
 
 
 @pytest.mark.parametrize("cells", [2, 5, 16])
-def test_ranks_are_those_of_a_sort_in_groups_of_every_size(rgb, blue, cells):
-    """Up to the largest, in which all members are alike."""
-    values = np.random.default_rng(3).permutation(64 * 64).reshape(64, 64)
-    ranks = synthetic(values, Groups(mask_texture(blue), cells, 1), 7)
+@pytest.mark.parametrize("kinds", [1, 3, 64 * 64])
+def test_ranks_are_those_of_a_sort_in_groups_of_every_size(rgb, blue, cells, kinds):
+    """Up to the largest, in which all members are alike, or none."""
+    rng = np.random.default_rng(3)
+    values = rng.permutation(64 * 64).reshape(64, 64)
+    labels = rng.permutation(64 * 64).reshape(64, 64) % kinds
+    ranks = synthetic(values, Groups(mask_texture(blue), cells, 1), 7, labels)
     first, value, mask, count = (
         np.array(a).astype(int) for a in (ranks.first, ranks.value, ranks.mask, ranks.count)
     )
-    assert count.max() == cells**2
+    assert count.max() == {1: cells**2, 64 * 64: 1}.get(kinds, count.max())
     for begin in np.unique(first):
         inside = first == begin
+        assert len(np.unique(lanes_of(labels)[inside])) == 1
         members = np.arange(inside.sum())
         assert (count[inside] == inside.sum()).all()
         order = np.argsort(lanes_of(values)[inside])

@@ -88,8 +88,6 @@ def load_scene(
         raise UsageError(f"'{source}' is neither a scene file nor an embedded scene ({names})")
     _check_definitions(path, definitions)
     config = mi.parser.ParserConfig(mi.variant())
-    # In parallel, threads would decide the order of the lights, too (:func:`_leave_lights_apart`).
-    config.parallel = False
     config.merge_meshes = config.merge_equivalent = not apart
     return _load_file(config, path, definitions, size, keep_filter)
 
@@ -129,7 +127,8 @@ def _load_file(
         state = mi.parser.parse_file(config, str(path), **definitions)
         mi.parser.transform_all(config, state)
         _set_up_films(state, size, keep_filter)
-        _leave_lights_apart(state)
+        if config.merge_meshes:
+            _leave_lights_apart(state)
         scene = mi.parser.instantiate(config, state)
     except (RuntimeError, ValueError, TypeError) as error:
         message = one_line(error).replace(f"At {path} ", "")
@@ -168,13 +167,16 @@ def _set_up_films(state: Any, size: tuple[int, int] | None, keep_filter: bool) -
 
 
 def _leave_lights_apart(state: Any) -> None:
-    """Take shapes that emit out of what is merged.
+    """Take shapes that emit out of what Mitsuba merges, so that lights come in one order.
 
-    Mitsuba merges no two of them, but orders them by their addresses, and with the order of the
-    lights changes what a seed renders.
+    No two of them would be merged, as each has an emitter of its own; but what is merged comes in
+    the order of a hash of addresses, and the order of the lights decides what a seed renders. What
+    the file itself merges stays as it is.
     """
     kinds, everything = mi.ObjectType, state.root.props
-    for merged in [node.props for node in state.nodes if node.props.plugin_name() == "merge"]:
+    # Mitsuba puts all objects of a scene into one that merges.
+    for name in _children(state, everything, kinds.Shape):
+        merged = state.nodes[everything[name].index()].props
         for key in _children(state, merged, kinds.Shape):
             shape = merged[key]
             if _children(state, state.nodes[shape.index()].props, kinds.Emitter):

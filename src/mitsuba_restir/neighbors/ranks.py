@@ -91,7 +91,7 @@ def rank_pixels(
     value = dr.gather(mi.Float, values, pixel, inside)
     share = dr.gather(mi.Float, confidence, pixel, inside)
     entries = _side_by_side(label, group.level, value, share)
-    dr.eval(group, label, entries)
+    dr.eval(pixel, label, entries)
     size = groups.cells**2
     step = -(-size // TOGETHER)
     lane = dr.arange(mi.UInt32, dr.width(pixel) // size * step)
@@ -118,10 +118,10 @@ def rank_pixels(
     return ranks
 
 
-def _no_ranks(pixels: int, members: int) -> Ranks:
-    """Of as many pixels and members, to be filled."""
+def _no_ranks(pixels: int, entries: int) -> Ranks:
+    """Of as many pixels, with tables of as many entries, to be filled."""
     first, count, value, mask = (dr.zeros(mi.UInt32, pixels) for _ in range(4))
-    by_value, by_mask = (dr.zeros(mi.UInt32, members) for _ in range(2))
+    by_value, by_mask = (dr.zeros(mi.UInt32, entries) for _ in range(2))
     return Ranks(first, count, value, mask, dr.zeros(mi.Float, pixels), by_value, by_mask)
 
 
@@ -172,6 +172,7 @@ def _count(
         Confidence of the members with the same label.
     """
     labels, levels, values, _ = zip(*(_read(entries, lane) for lane in lanes), strict=True)
+    # Less one that is alike, as each meets itself: 256 would not fit into a byte.
     counts = [mi.UInt32(2**32 - _ALIKE) for _ in lanes]
     totals = [mi.Float(0) for _ in lanes]
     i = mi.UInt32(begin)
@@ -191,6 +192,6 @@ def _count(
         i += 1
     found = []
     for word, total in zip(counts, totals, strict=True):
-        before, alike, lower, below = (word >> shift & 0xFF for shift in (0, 8, 16, 24))
-        found.append((before, alike + 1, lower, below, total))
+        before, others, value_rank, mask_rank = (word >> shift & 0xFF for shift in (0, 8, 16, 24))
+        found.append((before, others + 1, value_rank, mask_rank, total))
     return found

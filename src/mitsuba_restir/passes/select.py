@@ -173,7 +173,8 @@ def choose(
         number = set_in_turn(dr.opaque(mi.UInt32, index), order)
         pixel, inside = spaced_pixels(grid, SPACING, number)
         best, left = best_candidate(grid, rounds, aim, error, pixel, inside)
-        # Evaluated, they no longer refer to the errors, or these would be copied to be changed.
+        # Evaluated, and all between forgotten with the function: what still referred to the errors
+        # would make Dr.Jit copy them before they are changed.
         dr.eval(pixel, inside, best, left)
         dr.scatter(shown, best, pixel, inside)
         dr.scatter(error, mi.Vector4f(left.x, left.y, left.z, 0), pixel, inside)

@@ -95,6 +95,6 @@ def as_dict(name: str, width: int = 640, height: int = 360) -> dict[str, Any]:
 
 def load(name: str, width: int = 640, height: int = 360) -> Any:
     """A scene as ``mi.Scene``; arguments and errors as in `as_dict`."""
-    # Threads, or the addresses of shapes that are merged, would decide the order of the lights, and
-    # with it what a seed renders.
-    return mi.load_dict(as_dict(name, width, height), parallel=False, optimize=False)
+    # Merged shapes would come in an order of addresses, and with the order of the lights changes
+    # what a seed renders.
+    return mi.load_dict(as_dict(name, width, height), optimize=False)
